@@ -6,7 +6,7 @@ from splatbus_schemas import LIMITS
 
 # A server measures on its own clock, and no thread wakes at the very moment that it asked for.
 SHORTEST: float = 1.25 * LIMITS["reconnect_min_seconds"]
-LONGEST: float = 0.9 * LIMITS["reconnect_max_seconds"]
+LONGEST: float = 0.4 * LIMITS["reconnect_max_seconds"]
 
 
 def delays() -> Iterator[float]:

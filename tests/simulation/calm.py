@@ -6,6 +6,7 @@ import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from splatbus_client.backoff import LONGEST
 from splatbus_wire.messages import GetCameraPose, GetViewportSize, SetViewport, SubscribeTelemetry
 
 from tests.simulation.clients import Client
@@ -54,7 +55,8 @@ def settle(session: Session) -> None:
         knows = status.connected or "unauthorized" in (status.problem or "")
         world.look("who is turned away knows why", knows, status)
         attempts = status.connections - connections
-        world.look("who is turned away knocks less and less often", attempts <= 5, attempts)
+        most = 1 + SETTLED_SECONDS / 2 / LONGEST
+        world.look("who is turned away knocks less and less often", attempts <= most, attempts)
 
 
 def serve(session: Session) -> None:

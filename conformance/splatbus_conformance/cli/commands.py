@@ -23,7 +23,7 @@ from splatbus_conformance.run.options import DEPLOYED_PORTS
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_USAGE
 from splatbus_conformance.wire import capture, recording
 
-DEMO_TESTEES = 16
+DEMO_TESTEES = 12
 """More than cores: most of the time a check waits."""
 
 

@@ -68,7 +68,7 @@ def run_checks(plan: Plan, progress: Progress) -> Findings:
     progress.say(
         f"Judging {workers} of them at a time, each on ports of its own (--parallel 1: one)."
     )
-    names = parallel.dealt(selected, plan.profile)
+    names = parallel.dealt(selected, plan.side, plan.profile)
     gathering.begin(names)
     try:
         parallel.Workers(plan, testbed.facts, names, gathering).run(workers)

@@ -5,22 +5,24 @@ the testee was met. Each finds the environment as the user left it.
 """
 
 import contextlib
+import math
 import multiprocessing
 import os
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum, auto
-from multiprocessing import forkserver
+from multiprocessing import forkserver, util
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
 import pytest
 
-from splatbus_conformance.checks import Check
+from splatbus_conformance import guard
 from splatbus_conformance.data import read_json
-from splatbus_conformance.plan import NoVerdict, Plan, Usage
+from splatbus_conformance.guard import Kind, uninterrupted
+from splatbus_conformance.plan import NoVerdict, Plan, Side, Usage
 from splatbus_conformance.reports.console import complain_of_fault
 from splatbus_conformance.run.collector import Collector
 from splatbus_conformance.run.plugin import CheckPlugin
@@ -31,7 +33,6 @@ from splatbus_conformance.trials.trial import THOROUGH
 FORKS = sys.platform == "linux"
 """Elsewhere there is no fork, or libraries of the system do not stand it."""
 PRELOADED = ["splatbus_conformance.preload"]
-USUAL_SECONDS = 0.2
 ENDING_SECONDS = 30.0
 """How long a worker may take to end its testee."""
 _context: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
@@ -51,6 +52,7 @@ def prepare() -> None:
     if FORKS:
         with isolated():
             _context.set_forkserver_preload(PRELOADED)
+            guard.watch(Kind.PATH, util.get_temp_dir())  # where its socket is
             forkserver.ensure_running()
 
 
@@ -88,8 +90,9 @@ class Workers:
     def _start(self) -> None:
         here, there = _context.Pipe()
         process = _context.Process(target=work, args=(*self._given, there))
-        with isolated():
+        with isolated(), uninterrupted():
             process.start()
+            guard.watch(Kind.PROCESS, process.pid)
         there.close()
         self._processes[here] = process
 
@@ -117,6 +120,7 @@ class Workers:
         """A worker has ended; another takes the place of one that died over a check."""
         process = self._processes.pop(connection)
         process.join()
+        guard.forget(Kind.PROCESS, process.pid)
         if name := self._under_way.pop(connection, ""):
             self._gathering.note(name, f"the worker crashed while running it: {process.exitcode}")
             if self._left:
@@ -131,6 +135,7 @@ class Workers:
             connection.close()
             process.join(ENDING_SECONDS)
             process.kill()
+            guard.forget(Kind.PROCESS, process.pid)
 
 
 def work(plan: Plan, environment: Mapping[str, str], facts: Facts, there: Connection) -> None:
@@ -191,14 +196,13 @@ class WorkerPlugin:
             yield name
 
 
-def dealt(checks: Mapping[str, Check], profile: str) -> list[str]:
-    """The order in which workers are dealt checks: long ones first, those that may crash last.
+def dealt(checks: Iterable[str], side: Side, profile: str) -> list[str]:
+    """The order in which workers are dealt checks: long ones first.
 
-    How long a check took once on the reference pair is an estimate, and decides nothing else.
+    How long a check took once on the reference pair is an estimate, and decides nothing else; one
+    that nobody has measured may be the longest. What may crash a testee needs no place of its own:
+    a worker starts another.
     """
-    seconds: dict[str, float] = read_json("durations.json")[
-        "full" if profile in THOROUGH else "quick"
-    ]
-    return sorted(
-        checks, key=lambda name: (checks[name].may_crash, -seconds.get(name, USUAL_SECONDS))
-    )
+    stored: dict[str, dict[str, float]] = read_json("durations.json")
+    seconds = stored[side] | (stored[f"{side} full"] if profile in THOROUGH else {})
+    return sorted(checks, key=lambda name: -seconds.get(name, math.inf))

@@ -4,20 +4,15 @@ import contextlib
 import json
 import os
 import signal
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.data import read_json
-from splatbus_conformance.run.plugin import MEETING
+from splatbus_conformance.plan import Side
 from splatbus_conformance.run.workers import dealt
 
 from tests.conformance.harness import GOOD, broken, run, start
-from tests.durations import durations
 from tests.waiting import eventually
 
 SOME = "NEG-8,CHN-2"
@@ -142,28 +137,16 @@ def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:
     assert not (tmp_path / ".hypothesis").exists(), "nothing is left where the user works"
 
 
-@given(st.lists(st.booleans()))
-def test_long_checks_come_first_and_those_that_may_crash_last(crashes: list[bool]) -> None:
-    seconds = read_json("durations.json")["quick"]
-    names = list(seconds)[: len(crashes)]
-    checks = {
-        name: replace(MEETING, may_crash=it) for name, it in zip(names, crashes, strict=False)
-    }
-    order = [(checks[name].may_crash, -seconds[name]) for name in dealt(checks, "quick")]
-    assert order == sorted(order)
-    assert len(order) == len(checks)
+@pytest.mark.parametrize("side", ["client", "server"])
+def test_long_checks_come_first_and_before_them_what_nobody_has_measured(side: Side) -> None:
+    seconds = read_json("durations.json")[side]
+    new, *order = dealt([*sorted(seconds), "check_anew"], side, "quick")
+    assert new == "check_anew"
+    assert [seconds[name] for name in order] == sorted(seconds.values(), reverse=True)
+    assert dealt(order, side, "full") != order
 
 
-def test_durations_are_of_checks_that_there_are() -> None:
-    known = {it.name for side in ("client", "server") for it in checks_of(side)}
-    assert set().union(*read_json("durations.json").values()) <= known
-
-
-def test_durations_are_those_of_the_quickest_report() -> None:
-    def report(**seconds: float) -> dict[str, Any]:
-        told = [{"check": name, "seconds": it, "delivered": it > 0} for name, it in seconds.items()]
-        requirement = {"id": "FRM-1", "sentence": "", "acceptable": [], "results": told}
-        return {"profile": "quick", "requirements": [requirement], "others": []}
-
-    found = durations([report(a=1.0, b=0.2, c=9.0), report(a=2.0, c=4.04), report(c=0.0)])
-    assert found == {"quick": {"c": 4.0, "a": 1.0}, "full": {}}
+@pytest.mark.parametrize("side", ["client", "server"])
+def test_durations_are_of_checks_that_there_are(side: Side) -> None:
+    stored = read_json("durations.json")
+    assert {*stored[side], *stored[f"{side} full"]} <= {it.name for it in checks_of(side)}

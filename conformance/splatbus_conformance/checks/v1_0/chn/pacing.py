@@ -9,7 +9,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.init_packets import changed
 from splatbus_conformance.checks import check
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.returning import PROBES
+from splatbus_conformance.trials.returning import PROBES, return_seconds
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS, OTHER_ERRORS
 from splatbus_conformance.wire.messages import error
@@ -229,20 +229,31 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
 )
 def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
     """Both channels refuse for some seconds, so that a pause which grows has grown, or come to the
-    end of its table; one then accepts, and later the other, and the first connection of each is
-    closed as soon as it is made, without a word that could begin the table anew.
+    end of its table; one then accepts, a moment later the other, and the first connection of each
+    is closed as soon as it is made, without a word that could begin the table anew.
     """
     channels = coming_back(trial)
     refuse(trial, channels)
     trial.role.welcomes = trial.role.offers_memory = trial.role.replies = False
     trial.rest(LONG_SECONDS)
+    listening: dict[Channel, float] = {}
     for channel in channels:
-        listening = time.monotonic()
+        listening[channel] = time.monotonic()
         trial.peer.listen(channel)
-        first = after(trial, channel, listening)
-        first.close()
-        again = after(trial, channel, first.opened)
-        apart = again.opened - listening
+        trial.rest(AT_ONCE_SECONDS)
+
+    def came(channel: Channel) -> list[Connection]:
+        on_it = (c for c in trial.peer.connections if c.channel == channel)
+        return [c for c in on_it if c.opened >= listening[channel]]
+
+    def each_came_twice() -> bool:
+        for first in [c for channel in channels for c in came(channel)[:1]]:
+            first.close()
+        return all(len(came(channel)) > 1 for channel in channels)
+
+    trial.wait(each_came_twice, 2 * return_seconds(trial))
+    for channel in channels:
+        apart = after(trial, channel, listening[channel]).opened - listening[channel]
         trial.expect(
             apart >= LEAST,
             "too-soon",
@@ -261,39 +272,53 @@ def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
     trial.peer.clear()
 
 
-@check("NEG-24", observable="how soon after an error the testee connects again")
+@check(
+    "NEG-24",
+    observable="how soon after an error the testee connects again",
+    needs=("hello:ipc", "reconnects:ipc"),
+)
 def check_pauses_after_errors(trial: ClientTrial) -> None:
     """An `error` in place of `welcome`, twice in a row, with codes that close and others.
 
     The error is received after it was sent, and an attempt begins before it is accepted.
     """
-    channels = [it for it in coming_back(trial) if trial.facts.speaks_1_1(it)]
-    if not channels:
-        trial.not_observable("the testee says no hello where it comes back")
+    _pauses_after_errors(trial, "ipc")
+
+
+@check(
+    "NEG-24",
+    observable="how soon after an error the testee connects again",
+    needs=("hello:msg", "reconnects:msg"),
+)
+def check_pauses_after_errors_on_the_message_channel(trial: ClientTrial) -> None:
+    """An `error` in place of `welcome`, as on the other channel."""
+    _pauses_after_errors(trial, "msg")
+
+
+def _pauses_after_errors(trial: ClientTrial, channel: Channel) -> None:
     for code in trial.each(CODES, kind=kind_of_code, spare=1):
-        for channel in channels:
-            trial.role.welcomes = False
-            connection = trial.connection(channel)
-            for _ in range(2):
-                if not trial.says_hello(connection):
-                    trial.not_observable("the testee said no hello")
-                told = lose(trial, connection, code)
-                if not connection.gone:
-                    connection.close()
-                    break
-                connection = after(trial, channel, told)
-                pause = connection.opened - told
-                trial.expect(
-                    pause >= ERROR_PAUSE,
-                    "too-soon",
-                    f"it connected to the {channel} channel {1000 * pause:.0f} ms after an error "
-                    f"{code} was sent there; {1000 * ERROR_PAUSE:.0f} are asked for",
-                )
-                trial.delivered += 1
-                if pause >= SLOW_SECONDS:
-                    break
-            trial.role.welcomes = True
-            trial.reassure(channel)
+        trial.role.welcomes = False
+        connection = trial.connection(channel)
+        for _ in range(2):
+            if not trial.says_hello(connection):
+                trial.not_observable("the testee said no hello")
+            told = lose(trial, connection, code)
+            if not connection.gone:
+                connection.close()
+                break
+            connection = after(trial, channel, told)
+            pause = connection.opened - told
+            trial.expect(
+                pause >= ERROR_PAUSE,
+                "too-soon",
+                f"it connected to the {channel} channel {1000 * pause:.0f} ms after an error "
+                f"{code} was sent there; {1000 * ERROR_PAUSE:.0f} are asked for",
+            )
+            trial.delivered += 1
+            if pause >= SLOW_SECONDS:
+                break
+        trial.role.welcomes = True
+        trial.reassure(channel)
 
 
 @check("CHN-22", observable="how long after it could connect again the testee does")
