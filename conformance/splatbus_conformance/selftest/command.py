@@ -1,7 +1,8 @@
 """`splatbus-conformance selftest`."""
 
 import argparse
-import itertools
+import math
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
@@ -10,25 +11,23 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from splatbus_conformance.plan import SIDES
+from splatbus_conformance.data import read_json
 from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.selftest import judge, kill_matrix
 from splatbus_conformance.selftest.judge import GOOD, REFERENCE, SpecimenResult
 from splatbus_conformance.selftest.mutant import Variation
 from splatbus_conformance.selftest.processes import harnesses
 from splatbus_conformance.selftest.registry import groups, mutants, variations
-from splatbus_conformance.selftest.seeds import judge_seeds
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
-WORKERS = 10
-"""Most of a run is waiting: ten do not disturb each other on two cores yet."""
+CORES = os.cpu_count() or 1
+WHOLE, SELECTED = 5 * CORES, 3 * CORES
+"""At a time: runs of all checks, and beside them runs of one or two, which are over sooner."""
 Trial = Callable[[], SpecimenResult]
 
 
 def selftest(arguments: argparse.Namespace, out: Console) -> int:
     """Judge the reference pair, the variations and the mutants; 1 unless all is as it must be."""
-    if arguments.seeds:
-        return judge_seeds(arguments.seeds, out)
     wanted = [name for name in arguments.only.split(",") if name]
     trials_ = dict(every_trial(arguments.profile))
     if unknown := [name for name in wanted if name not in trials_]:
@@ -61,36 +60,37 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
 
 
 def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
-    """The name of each specimen, and how to judge it; the long ones first.
-
-    Variations are judged by this profile, clients and servers in turn: a client waits for most of
-    its trial, and a server computes.
-    """
+    """The name of each specimen, and how to judge it: variations by this profile."""
     for name in REFERENCE:
         yield name, lambda it=name: judge.judge_reference(it)  # type: ignore[misc]
-    every = (*groups(), *variations())
-    sides = [[it for it in every if it.side == side] for side in SIDES]
-    in_turn = itertools.chain.from_iterable(itertools.zip_longest(*sides))
-    for variation in filter(None, in_turn):
+    for variation in (*groups(), *variations()):
         yield variation.name, lambda it=variation: judge.judge_variation(it, profile)  # type: ignore[misc]
     for mutant in mutants():
         yield mutant.name, lambda it=mutant: judge.judge_mutant(it)  # type: ignore[misc]
 
 
 def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
-    """Judge specimens, some at a time, and say what became of each."""
-    pool = ThreadPoolExecutor(WORKERS)
+    """Judge specimens, some at a time, and say what became of each.
+
+    The long ones come first, and before them those that nobody has measured.
+    """
+    seconds: dict[str, float] = read_json("durations.json")["specimens"]
+    in_order = sorted(chosen, key=lambda name: -seconds.get(name, math.inf))
+    selected = {mutant.name for mutant in mutants()}
+    pools = ThreadPoolExecutor(WHOLE), ThreadPoolExecutor(SELECTED)
     try:
-        running = [pool.submit(trial) for trial in chosen.values()]
+        running = [pools[name in selected].submit(chosen[name]) for name in in_order]
         with out.status(f"{len(running)} specimens"):
             for done, future in enumerate(as_completed(running), 1):
                 row = future.result()
                 out.print(progress(row, done, len(running)), no_wrap=True, overflow="ellipsis")
                 yield row
     finally:
-        pool.shutdown(wait=False, cancel_futures=True)
+        for pool in pools:
+            pool.shutdown(wait=False, cancel_futures=True)
         harnesses.stop_all()
-        pool.shutdown()
+        for pool in pools:
+            pool.shutdown()
 
 
 def members(

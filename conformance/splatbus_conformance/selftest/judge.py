@@ -4,15 +4,15 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from splatbus_conformance.plan import Side
 from splatbus_conformance.selftest import mutants
-from splatbus_conformance.selftest.mutant import Mutant, Variation
+from splatbus_conformance.selftest.mutant import RULE, Mutant, Variation
 from splatbus_conformance.selftest.processes import harnesses
 from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
 
@@ -90,6 +90,8 @@ class SpecimenResult:
     code: str = ""
     """That a mutant has to fail with."""
     note: str = ""
+    checks: Mapping[str, float] = field(default_factory=dict)
+    """Of a reference: the seconds of each check that delivered something."""
 
     @property
     def seen(self) -> str:
@@ -119,9 +121,10 @@ def judge_variation(variation: Variation, profile: str) -> SpecimenResult:
 
 
 def judge_mutant(mutant: Mutant) -> SpecimenResult:
-    """Run the checks of the requirement that a mutant breaks."""
+    """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
     began = time.monotonic()
-    select = f"{mutant.through},{mutant.requirement}"
+    by_rule = mutant.check == RULE
+    select = f"{mutant.through},{mutant.requirement}" if by_rule else mutant.check
     report, _, last_words = run_harness(
         mutant.name, mutant.side, select, SELECTED_SECONDS, mutant.axes
     )
@@ -170,7 +173,17 @@ def _judge_conforming(
     else:
         fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(warns - warned))}"
     kind = "reference" if reference else "variation"
-    return SpecimenResult(name, kind, does, fate, tuple(cells), time.monotonic() - began, note=note)
+    seconds = {
+        result["check"]: result["seconds"]
+        for requirement in (report or {}).get("requirements", [])
+        for result in requirement["results"]
+        if reference and result["delivered"]
+    }
+    return SpecimenResult(
+        *(name, kind, does, fate, tuple(cells), time.monotonic() - began),
+        note=note,
+        checks=seconds,
+    )
 
 
 def cells_of(report: dict[str, Any] | None) -> list[Cell]:

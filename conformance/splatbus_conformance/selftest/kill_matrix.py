@@ -9,7 +9,7 @@ from splatbus_conformance.selftest.judge import GOOD, Fate, SpecimenResult
 HEAD = """\
 # Kill matrix
 
-Written by `splatbus-conformance selftest --json conformance/KILL_MATRIX.json`.
+Written by `python -m tests zoo`.
 
 The harness was run on three kinds of program: the reference pair, which has to pass; variations of
 them, which are unusual and conform, and have to pass too; and mutants of them, each of which breaks

@@ -22,13 +22,6 @@ def declare(commands: "argparse._SubParsersAction[Any]") -> None:
         default="brief",
         help="for variations: all checks, with fewer cases or with all (%(default)s)",
     )
-    selftest.add_argument(
-        "--seeds",
-        type=int,
-        metavar="N",
-        default=0,
-        help="only the references, with N seeds, which must not change a verdict",
-    )
     made = selftest.add_argument_group("mutants made by machine")
     made.add_argument(
         "--machine",

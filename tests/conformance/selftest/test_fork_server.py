@@ -15,6 +15,13 @@ SERVER = [*COMMAND, "server-has-one-name-for-its-memory"]
 PATIENCE = 20.0
 
 
+@pytest.fixture(autouse=True)
+def _what_a_killed_server_leaves_goes():
+    yield
+    for left in Path("/dev/shm").glob("splatbus-own-0-*"):
+        left.unlink()
+
+
 @pytest.fixture
 def first():
     with forking_specimens():

@@ -5,6 +5,7 @@ import importlib
 import inspect
 import json
 import pkgutil
+import re
 from collections import Counter
 from dataclasses import replace
 
@@ -17,7 +18,7 @@ from splatbus_conformance.selftest import judge as trials
 from splatbus_conformance.selftest.judge import Cell, Fate, SpecimenResult, fate_of
 from splatbus_conformance.selftest.mutant import RULE, SIDES, Mutant, Variation
 from splatbus_conformance.selftest.registry import groups, mutants, specimen_named, variations
-from splatbus_conformance.selftest.seeds import differences
+from splatbus_schemas.prose import CHECKOUT as ROOT
 from splatbus_schemas.requirements import requirements
 
 MUTANTS = {mutant.name: mutant for mutant in mutants()}
@@ -141,6 +142,13 @@ def test_every_check_has_a_mutant(side):
     assert {name for name, _ in there - here} <= WITHOUT_A_MUTANT[side]
 
 
+def test_the_stored_kill_matrix_is_of_the_mutants_that_there_are():
+    page = (ROOT / "conformance" / "KILL_MATRIX.md").read_text("utf-8")
+    row = re.compile(r"^\| (\S+) \| `(\S+)` \| .* \| `(\S+)` \| killed \| `(\S+)` \|$", re.M)
+    there = {(it.requirement, it.name, it.check, it.code) for it in mutants()}
+    assert set(row.findall(page)) == there
+
+
 MUTANT = Mutant(
     "m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too-long", "FRM-3", "client"
 )
@@ -170,7 +178,7 @@ def out():
 def run_selftest(monkeypatch, out, rows, only="", path=None):
     trials_ = {row.name: lambda row=row: row for row in rows}
     monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
-    return command.selftest(argparse.Namespace(only=only, json=path, seeds=0, profile="brief"), out)
+    return command.selftest(argparse.Namespace(only=only, json=path, profile="brief"), out)
 
 
 def row(name, fate, kind="mutant"):
@@ -199,7 +207,7 @@ def test_a_group_that_is_condemned_is_judged_one_by_one(monkeypatch, out, alone)
         for name in group.members
     }
     monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
-    given = argparse.Namespace(only="", json=None, seeds=0, profile="brief")
+    given = argparse.Namespace(only="", json=None, profile="brief")
     assert command.selftest(given, out) == 1
     culprit = group.members[0] if alone is Fate.CONDEMNED else group.name
     assert f"CONDEMNED WRONGLY  {culprit}:" in out.export_text()
@@ -255,15 +263,6 @@ def test_a_mutant_that_no_check_looks_at_survives():
         "client",
     )
     assert trials.judge_mutant(elsewhere).fate is Fate.SURVIVED
-
-
-def test_seeds_that_disagree_are_told_apart():
-    found = [{"FRM-3 check_it": "pass"}, {"FRM-3 check_it": "skip", "FRM-4 rule": "pass"}]
-    assert differences(found) == [
-        "FRM-3 check_it: pass 1 times, skip 1 times",
-        "FRM-4 rule: absent 1 times, pass 1 times",
-    ]
-    assert differences([found[0]] * 3) == []
 
 
 def test_each_specimen_is_found_by_its_name():

@@ -1,10 +1,7 @@
 """Makes of the reference what a specimen is, and runs it."""
 
 import importlib
-import os
-import threading
 from collections.abc import Callable
-from typing import Any
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.machine.specimens import MachineMade
@@ -12,8 +9,6 @@ from splatbus_conformance.selftest.mutant import Mutant, Variation
 
 Program = Callable[[list[str]], int]
 """Takes arguments of a command line, and gives the exit status."""
-MOST_SECONDS = 300.0
-"""A specimen ends by itself after this time, whatever becomes of the harness."""
 
 
 def altered(specimen: Mutant | Variation | MachineMade) -> Program:
@@ -24,13 +19,5 @@ def altered(specimen: Mutant | Variation | MachineMade) -> Program:
     specimen.alter(Patch())
     client = "splatbus_viewer.adapter" if specimen.axes else "splatbus_viewer.cli"
     program = "splatbus_renderer.cli" if specimen.side == "server" else client
-    main: Any = importlib.import_module(program).main
-
-    def run(arguments: list[str]) -> int:
-        end = threading.Timer(MOST_SECONDS, os._exit, (1,))
-        end.daemon = True
-        end.start()
-        status: int = main(arguments)
-        return status
-
-    return run
+    main: Program = importlib.import_module(program).main
+    return main

@@ -96,7 +96,7 @@ def server_obeys_everyone(patch: Patch) -> None:
     server.OBEYS.wrap(patch, move)
 
 
-@mutant("POS-11", check="check_one_connection_has_control", code="control-not-given")
+@mutant("POS-11", check="check_one_connection_has_control", code="control-not-passed-on")
 def server_obeys_the_first_forever(patch: Patch) -> None:
     """Does not pass control on when the connection that has it closes."""
     server.PASSES_CONTROL_ON.wrap(patch, lambda original, self, connection: False)
