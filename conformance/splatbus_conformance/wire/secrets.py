@@ -21,18 +21,25 @@ def own_token() -> str:
 
 def hidden(text: str) -> str:
     """The text with the name of the variable where the token stands, or that of an option."""
-    token = own_token()
-    if len(token) >= LEAST_SHOWN:
-        text = text.replace(token, NAMED)
-    return _OPTION.sub(lambda found: found[1] + NAMED, text)
+    return str(_hidden(text, own_token()))
 
 
 def hidden_in(value: Any) -> Any:
     """As `hidden`, of each text in lists and objects."""
+    return _hidden(value, own_token())
+
+
+def _hidden(value: Any, token: str) -> Any:
     if isinstance(value, str):
-        return hidden(value)
+        if len(token) >= LEAST_SHOWN:
+            value = value.replace(token, NAMED)
+        return _OPTION.sub(_named, value) if "--token" in value else value
     if isinstance(value, dict):
-        return {name: hidden_in(each) for name, each in value.items()}
+        return {name: _hidden(each, token) for name, each in value.items()}
     if isinstance(value, list | tuple):
-        return [hidden_in(each) for each in value]
+        return [_hidden(each, token) for each in value]
     return value
+
+
+def _named(found: re.Match[str]) -> str:
+    return found[1] + NAMED
