@@ -8,11 +8,18 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 if sys.version_info < (3, 11):  # noqa: UP036 - pip refuses these, but a checkout runs without it
     sys.exit(f"Python 3.11 or newer is needed, and this is {sys.version.split()[0]}")
+
+from tests.keeper import Kept, end
+from tests.progress import LATER, minutes
 
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = ("schemas", "reference_server", "reference_client", "conformance", "tests", "benchmarks")
@@ -33,9 +40,16 @@ PACKAGES = (
     "conformance/site/splatbus_site",
 )
 PYTHON = (sys.executable, "-m")
-STEPS = {
+CORES = os.cpu_count() or 1
+READ = {
     "lint": (*PYTHON, "ruff", "check", *SOURCES),
     "format": (*PYTHON, "ruff", "format", "--check", *SOURCES),
+    "imports": (str(Path(sys.executable).with_name("lint-imports")),),
+    "prose": (*PYTHON, "splatbus_schemas.prose"),
+    "python3.9": (
+        *(str(Path(sys.executable).with_name("vermin")), "--no-tips", "--eval-annotations"),
+        *("--target=3.9-", "--violations", *RENDERERS),
+    ),
     "types": (*PYTHON, "mypy", *PACKAGES),
     "win32": (
         *(*PYTHON, "mypy", "--platform", "win32", "--follow-imports", "silent"),
@@ -45,59 +59,112 @@ STEPS = {
     "python3.10": (  # mypy's oldest, for which NumPy's newest has no types
         *(*PYTHON, "mypy", "--python-version", "3.10", "--no-warn-return-any", *RENDERERS),
     ),
-    "python3.9": (
-        *(str(Path(sys.executable).with_name("vermin")), "--no-tips", "--eval-annotations"),
-        *("--target=3.9-", "--violations", *RENDERERS),
-    ),
-    "imports": (str(Path(sys.executable).with_name("lint-imports")),),
-    "prose": (*PYTHON, "splatbus_schemas.prose"),
-    "tests": (
-        *(*PYTHON, "pytest", "-n", "3", "--dist", "loadfile", "--no-loadscope-reorder"),
-        *("--ignore", "tests/foreign"),
-    ),
-    "foreign": (
-        *(*PYTHON, "pytest", "-n", "3", "--dist", "load", "--maxschedchunk", "1"),
-        "tests/foreign",
-    ),
-    "selftest": (*PYTHON, "splatbus_conformance", "--plain", "selftest"),
+}
+"""What reads the sources, on one core."""
+RUN = {
+    "tests": (*PYTHON, "pytest", "--quiet", "-p", "tests.dealer", "--deal", str(3 * CORES)),
+    "zoo": (*PYTHON, "tests.zoo"),
     "machine": (
         *(*PYTHON, "splatbus_conformance", "--plain", "selftest", "--machine"),
         *("--count", "20", "--again", "tests/data/machine_mutants.json"),
     ),
 }
+"""What runs them, on all that are left."""
+STEPS = READ | RUN
+
+
+@dataclass(frozen=True)
+class Running:
+    """A step that runs."""
+
+    name: str
+    began: float
+    printed: Path | None
+    """Where what it prints is kept until it has ended, if it is."""
 
 
 def main(wanted: list[str]) -> int:
-    """Run the steps named, or all, and stop at the first that fails."""
+    """Run the steps named, or all: those of both kinds beside each other, until one fails."""
     if wanted[:1] == ["long"]:
-        return run((*PYTHON, "tests.long", *wanted[1:]))
+        return subprocess.run((*PYTHON, "tests.long", *wanted[1:]), cwd=ROOT).returncode
     if unknown := set(wanted) - set(STEPS):
         print(f"no such step: {', '.join(sorted(unknown))}; there are {', '.join(STEPS)}")
         return 2
-    for name in wanted or STEPS:
-        print(f"== {name}", flush=True)
-        if status := run(STEPS[name]):
-            print(f"== {name} failed", flush=True)
-            return status
-    if not wanted:
-        return run((*PYTHON, "tests.long", "--behind"))
-    return 0
+    with tempfile.TemporaryDirectory(prefix="splatbus-steps-") as folder:
+        lanes = [[name for name in lane if name in (wanted or STEPS)] for lane in (READ, RUN)]
+        status = run(lanes, Path(folder))
+    if not wanted and not status:
+        subprocess.run((*PYTHON, "tests.long", "--behind"), cwd=ROOT)
+    return status
 
 
-def run(command: Sequence[str]) -> int:
-    """Its exit status."""
-    with tempfile.TemporaryDirectory(prefix="splatbus-bytecode-") as folder:
-        environment = caching(dict(os.environ), folder)
-        return subprocess.run(command, cwd=ROOT, env=environment).returncode
+def run(lanes: list[list[str]], folder: Path) -> int:
+    """Run the steps of each lane one after the other; the status of the first that fails, or 0."""
+    from tests.durations import Durations  # which takes what may not be installed
+
+    durations = Durations("steps")
+    environment = caching(dict(os.environ), folder / "bytecode")
+    silent = len(lanes[1]) > 0
+    running: dict[Kept, Running] = {}
+    table: list[str] = []
+    status = 0
+
+    def begin(lane: list[str]) -> None:
+        name = lane.pop(0)
+        later = str(sum(durations.of(it) for it in lane)) if name in RUN else "0"
+        printed = folder / name if silent and name in READ else None
+        print(f"== {name}" + (" (beside the others)" if printed else ""), flush=True)
+        work = partial(become, STEPS[name], environment | {LATER: later}, printed)
+        running[Kept(work)] = Running(name, time.monotonic(), printed)
+
+    try:
+        for lane in filter(None, lanes):
+            begin(lane)
+        while running and not status:
+            ended = wait([kept.fate for kept in running])
+            for kept in [it for it in running if it.fate in ended]:
+                step, fate = running.pop(kept), kept.fate.recv()
+                end(kept)
+                seconds = time.monotonic() - step.began
+                failed = fate.status or fate.left
+                if step.printed and failed:
+                    print(step.printed.read_text("utf-8", "replace"), flush=True)
+                if fate.left:
+                    print(f"== {step.name} left processes behind: {'; '.join(fate.left)}")
+                told = f"{step.name:<11}{minutes(seconds):>6}{fate.cpu_seconds:>8.0f} s"
+                print(f"== {step.name} {'failed' if failed else 'passed'}", flush=True)
+                table.append(told)
+                durations.took(step.name, seconds)
+                status = status or fate.status or bool(fate.left)
+                lane = lanes[step.name in RUN]
+                if lane and not status:
+                    begin(lane)
+    finally:
+        end(*running)
+    print("== step     minutes  processor", *table, sep="\n   ", flush=True)
+    if not status:
+        durations.save()
+    return status
 
 
-def caching(environment: dict[str, str], folder: str) -> dict[str, str]:
+def become(
+    command: tuple[str, ...], environment: Mapping[str, str], printed: Path | None, _: Connection
+) -> None:
+    """In the process of a step."""
+    os.chdir(ROOT)
+    if printed:
+        for stream in (1, 2):
+            os.dup2(os.open(printed, os.O_WRONLY | os.O_CREAT | os.O_APPEND), stream)
+    os.execve(command[0], command, environment)
+
+
+def caching(environment: dict[str, str], folder: Path) -> dict[str, str]:
     """An environment whose many processes do not all compile the same modules.
 
     Where Python is told to write no bytecode, none is written here, but into this folder.
     """
     if environment.pop("PYTHONDONTWRITEBYTECODE", ""):
-        environment["PYTHONPYCACHEPREFIX"] = folder
+        environment["PYTHONPYCACHEPREFIX"] = str(folder)
     return environment
 
 

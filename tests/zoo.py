@@ -31,7 +31,7 @@ def main() -> int:
     names = [name for name, _ in every_trial("brief") if name not in together]
     if unknown := durations.unknown(names):
         print(f"{len(unknown)} specimens come first, for nobody has measured them", flush=True)
-    progress = Progress("zoo", {name: durations.of(name) for name in names})
+    progress = Progress("zoo", durations.expected(names))
     before = segments()
     with tempfile.TemporaryDirectory(prefix="splatbus-zoo-") as folder:
         matrix = Path(folder, "matrix.json")

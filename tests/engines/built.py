@@ -1,9 +1,9 @@
 """The clients for engines, built with one of the programs that use them, and what those answer."""
 
+import fcntl
 import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Mapping, Sequence
 from hashlib import blake2b
 from pathlib import Path
@@ -41,8 +41,7 @@ def compiled_cpp(
 ) -> Path:
     """A program of the C++ client; a warning is an error.
 
-    It lies in the user's cache, under a digest of all that it is made of: several processes of the
-    tests want the same, and each takes a quarter of a minute.
+    It lies in the user's cache, under a digest of all that it is made of.
     """
     if not shutil.which(compiler):
         pytest.skip(f"{compiler} is not installed")
@@ -54,15 +53,16 @@ def compiled_cpp(
         digest.update(each.read_bytes())
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "splatbus-engines"
     program = cache / f"{Path(source).stem}-{digest.hexdigest()}"
-    if not program.is_file():
-        cache.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=cache) as scratch:
-            made = Path(scratch) / program.name
+    cache.mkdir(parents=True, exist_ok=True)
+    with (cache / f"{program.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of several who want it one builds it
+        if not program.is_file():
+            made = program.with_suffix(".new")
             done = subprocess.run(
                 [*line, "-o", str(made)], capture_output=True, text=True, timeout=600
             )
             assert done.returncode == 0, done.stdout + done.stderr
-            made.replace(program)  # another process may have been quicker, with the same
+            made.replace(program)
     return program
 
 

@@ -21,6 +21,8 @@ from tests.conformance.images.cuda_stand_in.library import library
 from tests.engines.built import Command, built
 from tests.engines.stage import HEIGHT, WIDTH, Answer, asked, planes, serving
 
+pytestmark = pytest.mark.apart
+
 FRAMES = 10_000
 SMALL_NURSERY = {"MONO_GC_PARAMS": "nursery-size=64k"}
 """Bytes of garbage after which the collector runs: one object of 24 a frame makes 3 runs."""

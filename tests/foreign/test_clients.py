@@ -6,7 +6,9 @@ import pytest
 
 from tests.foreign.programs import RUN_SECONDS, Program, programs
 
-CLIENTS = programs("client")
+pytestmark = pytest.mark.apart
+
+CLIENTS = [it for it in programs("client") if it.each_time]
 
 
 @pytest.mark.timeout(RUN_SECONDS + 60)

@@ -6,7 +6,9 @@ import pytest
 
 from tests.foreign.programs import RUN_SECONDS, Program, programs
 
-SERVERS = programs("server")
+pytestmark = pytest.mark.apart
+
+SERVERS = [it for it in programs("server") if it.each_time]
 
 
 @pytest.mark.timeout(RUN_SECONDS + 60)

@@ -20,7 +20,7 @@ def run(*command: str | Path, cwd: Path, **settings: str) -> subprocess.Complete
     return subprocess.run(
         command,
         cwd=cwd,
-        env={**kept, **settings},
+        env={**kept, "TMPDIR": str(cwd), **settings},  # where pip leaves its certificates
         capture_output=True,
         encoding="utf-8",
         timeout=SECONDS,

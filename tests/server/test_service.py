@@ -278,15 +278,19 @@ def test_nobody_is_kept_busy_by_a_client_that_ended_its_stream_and_does_not_read
     """An ended stream is always readable; only when it can be written to is it looked at again."""
     bus._service._listeners["msg"].setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
     looked_at: list[Peer] = []
+    in_vain: list[Peer] = []
     serve = Service._serve
 
     def counting(self: Service, peer: Peer) -> None:
         looked_at.append(peer)
+        before = len(peer.connection.unsent)
         serve(self, peer)
+        if len(peer.connection.unsent) == before:
+            in_vain.append(peer)
 
     with RawClient(bus.address.message_port) as full, RawClient(bus.address.message_port) as other:
         full.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-        full.send(*[{"type": "get_camera_pose", "cam_idx": 0}] * 4000)
+        full.send(*[{"type": "get_camera_pose", "cam_idx": 0}] * 2000)
         full.socket.shutdown(socket.SHUT_WR)
         assert eventually(lambda: any(p.connection.input_ended for p in bus._service.peers))
         (peer,) = (p for p in bus._service.peers if p.connection.input_ended)
@@ -294,7 +298,7 @@ def test_nobody_is_kept_busy_by_a_client_that_ended_its_stream_and_does_not_read
         monkeypatch.setattr(Service, "_serve", counting)
         for _ in range(50):
             other.viewport()
-        assert looked_at.count(peer) <= 1
+        assert in_vain.count(peer) <= 1
         assert len(looked_at) >= 50
 
 

@@ -11,6 +11,8 @@ import pytest
 from tests.simulation.run import ROOT, play_all
 from tests.simulation.session import play
 
+pytestmark = pytest.mark.apart
+
 PARTS, SESSIONS = 10, 100
 OFTEN = 50
 """What is looked at less often than that in a thousand sessions does not say much."""

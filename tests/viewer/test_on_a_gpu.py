@@ -18,7 +18,7 @@ def test_it_conforms_at_l3() -> None:
         pytest.skip("cuda-bindings is not installed")
     library()
     adapter = shlex.join([sys.executable, "-m", "splatbus_viewer.adapter"])
-    words = ("client", "--adapter", adapter, "--stand-in-cuda", "--shrink", "0")
+    words = ("client", "--adapter", adapter, "--stand-in-cuda", "--profile", "brief")
     status, told = run(*words, limit=WHOLE_SECONDS)
     assert status == 0, told
     assert "\nconforming at L3: " in told

@@ -21,6 +21,8 @@ from splatbus_conformance.selftest.registry import mutants
 
 from tests.conformance.harness import run, said
 
+pytestmark = pytest.mark.apart
+
 MUTANTS = {mutant.name: mutant for mutant in mutants()}
 AXES = ("opencv", "unity", "unreal", "blender", "opengl", "opengl_camera")
 ROWS = {"unity": "CNV-4", "unreal": "CNV-5", "blender": "CNV-6", "opengl": "CNV-7"}

@@ -7,6 +7,8 @@ import pytest
 
 from tests.conformance.harness import broken, run
 
+pytestmark = pytest.mark.apart
+
 MAIN = """    threading.Thread(target=keep, args=(IPC, ipc, sys.argv[1]), daemon=True).start()
     keep(MSG, msg, sys.argv[1])
 """

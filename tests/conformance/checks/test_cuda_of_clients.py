@@ -1,7 +1,6 @@
 """The checks of device memory: the good miniature passes, each broken one fails for its reason."""
 
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +16,8 @@ from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 
 from tests.conformance.images.cuda_stand_in.library import checks_in, judged
+
+pytestmark = pytest.mark.apart
 
 MINIATURES = Path(__file__).parents[1] / "miniatures"
 OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_client.py", MINIATURES / "cuda_frames.py"
@@ -309,27 +310,15 @@ def test_who_opens_one_image_a_connection_is_shown_nothing_after_it(tmp_path: Pa
     assert judged("client", program, {name: replace(ALL_CHECKS[name], play=play)}) == {name: ""}
 
 
-@pytest.fixture(scope="module")
-def findings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What is found of each; most of the time is waiting, so they are judged side by side."""
-    folder = tmp_path_factory.mktemp("broken")
-    shutil.copy(OF_IMAGES, folder)
-
-    def found(name: str) -> str:
-        old, new, check, _ = BROKEN[name]
-        source = next(path for path, checks in CHECKS.items() if check in checks).read_text("utf-8")
-        assert old in source
-        program = folder / f"{name.replace(' ', '_')}.py"
-        program.write_text(source.replace(old, new), "utf-8")
-        return judged("client", program, {check: ALL_CHECKS[check]})[check]
-
-    with ThreadPoolExecutor(4) as pool:
-        return dict(zip(BROKEN, pool.map(found, BROKEN), strict=True))
-
-
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_miniature_fails_for_its_reason(name: str, findings: dict[str, str]) -> None:
-    assert BROKEN[name][-1] in findings[name]
+def test_a_broken_miniature_fails_for_its_reason(name: str, tmp_path: Path) -> None:
+    old, new, check, reason = BROKEN[name]
+    shutil.copy(OF_IMAGES, tmp_path)
+    source = next(path for path, checks in CHECKS.items() if check in checks).read_text("utf-8")
+    assert old in source
+    program = tmp_path / "broken.py"
+    program.write_text(source.replace(old, new), "utf-8")
+    assert reason in judged("client", program, {check: ALL_CHECKS[check]})[check]
 
 
 def test_every_check_has_a_miniature_that_fails_it() -> None:

@@ -1,7 +1,6 @@
 """The checks of device memory on servers: good miniatures pass, broken ones fail as they should."""
 
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,8 @@ from splatbus_conformance.checks.v1_0.cud import servers as device
 from splatbus_conformance.checks.v1_1.img import servers_device
 
 from tests.conformance.images.cuda_stand_in.library import checks_in, judged
+
+pytestmark = pytest.mark.apart
 
 MINIATURES = Path(__file__).parents[1] / "miniatures"
 OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_server.py", MINIATURES / "cuda_frames_server.py"
@@ -212,31 +213,19 @@ ALSO = {
 """What has to be changed beside, for some."""
 
 
-@pytest.fixture(scope="module")
-def findings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What is found of each; most of the time is waiting, so they are judged side by side."""
-    folder = tmp_path_factory.mktemp("broken")
-    shutil.copy(OF_IMAGES, folder)
-
-    def found(name: str) -> str:
-        *change, check, _ = BROKEN[name]
-        source = next(path for path, checks in CHECKS.items() if check in checks).read_text("utf-8")
-        if name == "records the slot's event after the frame":
-            source = source.replace(SLOT_RECORD, SLOT_RECORD.replace("self", "late = self"))
-        for old, new in (change, *([ALSO[name]] if name in ALSO else [])):
-            assert old in source
-            source = source.replace(old, new)
-        program = folder / f"{name.replace(' ', '_').replace(chr(39), '')}.py"
-        program.write_text(source, "utf-8")
-        return judged("server", program, {check: ALL_CHECKS[check]})[check]
-
-    with ThreadPoolExecutor(4) as pool:
-        return dict(zip(BROKEN, pool.map(found, BROKEN), strict=True))
-
-
 @pytest.mark.parametrize("name", BROKEN)
-def test_a_broken_miniature_fails_for_its_reason(name: str, findings: dict[str, str]) -> None:
-    assert BROKEN[name][-1] in findings[name]
+def test_a_broken_miniature_fails_for_its_reason(name: str, tmp_path: Path) -> None:
+    *change, check, reason = BROKEN[name]
+    shutil.copy(OF_IMAGES, tmp_path)
+    source = next(path for path, checks in CHECKS.items() if check in checks).read_text("utf-8")
+    if name == "records the slot's event after the frame":
+        source = source.replace(SLOT_RECORD, SLOT_RECORD.replace("self", "late = self"))
+    for old, new in (change, *([ALSO[name]] if name in ALSO else [])):
+        assert old in source
+        source = source.replace(old, new)
+    program = tmp_path / "broken.py"
+    program.write_text(source, "utf-8")
+    assert reason in judged("server", program, {check: ALL_CHECKS[check]})[check]
 
 
 ALLOWED = {
@@ -271,19 +260,15 @@ ALLOWED = {
 }
 
 
-def test_what_is_allowed_passes(tmp_path: Path) -> None:
-    def found(name: str) -> dict[str, str]:
-        old, new = ALLOWED[name]
-        source = OF_IMAGES.read_text("utf-8")
-        assert old in source
-        program = tmp_path / f"{name.replace(' ', '_')}.py"
-        program.write_text(source.replace(old, new), "utf-8")
-        found = judged("server", program, CHECKS[OF_IMAGES])
-        return {check: why for check, why in found.items() if why}
-
-    with ThreadPoolExecutor(4) as pool:
-        found_of = dict(zip(ALLOWED, pool.map(found, ALLOWED), strict=True))
-    assert not any(found_of.values()), found_of
+@pytest.mark.parametrize("name", ALLOWED)
+def test_what_is_allowed_passes(name: str, tmp_path: Path) -> None:
+    old, new = ALLOWED[name]
+    source = OF_IMAGES.read_text("utf-8")
+    assert old in source
+    program = tmp_path / "allowed.py"
+    program.write_text(source.replace(old, new), "utf-8")
+    found = judged("server", program, CHECKS[OF_IMAGES])
+    assert {check: why for check, why in found.items() if why} == {}
 
 
 def test_every_check_has_a_miniature_that_fails_it() -> None:

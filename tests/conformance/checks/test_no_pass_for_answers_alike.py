@@ -29,6 +29,8 @@ from tests.conformance.checks.test_no_pass_without_evidence import (
     outcome,
 )
 
+pytestmark = pytest.mark.apart
+
 __all__ = ["met"]
 ERROR = {"type": "error", "code": "internal", "message": "no"}
 SAID_HELLO = {

@@ -8,6 +8,8 @@ from splatbus_conformance.checks.v1_0.pos import device as device_poses
 from tests.conformance.checks.test_device_poses import BROKEN, OF_SCENE, OF_WALL
 from tests.conformance.images.cuda_stand_in.library import checks_in, judged
 
+pytestmark = pytest.mark.apart
+
 STRANGE = (
     "shown = default_scene()\n",
     "shown = default_scene()\n    shown = type(shown)(shown.spheres[1:4], None, shown.light)\n",

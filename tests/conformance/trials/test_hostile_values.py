@@ -40,6 +40,8 @@ from tests.conformance.rules.talk import (
 )
 from tests.conformance.trials.hostile import FROM_CLIENT, FROM_SERVER, spoiled
 
+pytestmark = pytest.mark.apart
+
 ON_IPC = ("host_shm", "frames", "reinit", "subscribe")
 
 

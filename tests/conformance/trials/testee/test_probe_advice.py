@@ -27,6 +27,12 @@ while True:
         pass
     time.sleep(0.1)
 """
+BEGINS = 'if __name__ == "__main__":\n'
+"""Of the part of the miniature that runs first."""
+CONNECTED = """def connected(port):
+    lines = [line.split() for line in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+    return any(it[2].endswith(f":{port:04X}") and it[3] == "01" for it in lines)"""
+"""Whether somebody has a connection to a port: the second client starts after the first has."""
 TEXT = b'{"type":"get_viewport_size"}'
 
 
@@ -111,14 +117,16 @@ def test_what_open_failed_says_is_passed_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows whose a connection is")
-def test_a_client_that_was_left_over_is_told_by_its_process() -> None:
+def test_a_client_that_was_left_over_is_told_by_its_process(tmp_path: Path) -> None:
     ports = free_port(), free_port()
+    looks = f"{BEGINS}    while not connected(MSG): time.sleep(0.01)\n"
+    second = broken(tmp_path, (BEGINS, f"{CONNECTED}\n\n{looks}"))
     environment = {"SPLATBUS_IPC_PORT": str(ports[0]), "SPLATBUS_MSG_PORT": str(ports[1])}
     stale = subprocess.Popen(
         [sys.executable, str(MINIATURE), "1.1"], env={**os.environ, **environment}
     )
     try:
-        told = advice(GOOD, ports)
+        told = advice(second, ports)
     finally:
         stale.kill()
         stale.wait()
