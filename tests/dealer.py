@@ -39,7 +39,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Where it is asked for."""
-    config.addinivalue_line("markers", "apart: is dealt by itself, and not with its file")
     if config.getoption("--deal"):
         config.pluginmanager.register(Dealer(config), "dealer")
 
