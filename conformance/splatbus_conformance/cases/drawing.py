@@ -6,11 +6,9 @@ search meets the same ones if the testee makes the same errors.
 """
 
 import math
-import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple, TypeVar
 from unittest import mock
@@ -19,6 +17,8 @@ from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings, tar
 from hypothesis.configuration import set_hypothesis_home_dir
 from hypothesis.internal.conjecture import providers
 from hypothesis.strategies import SearchStrategy
+
+from splatbus_conformance.data import cache_folder
 
 T = TypeVar("T")
 Scores = Mapping[str, float]
@@ -30,8 +30,7 @@ _CONSTANTS = type(providers.CONSTANTS_CACHE)(1024) if _KNOWS_THEM else None
 
 def leave_nothing_where_the_user_works() -> None:
     """Have Hypothesis keep its table of characters elsewhere, for the rest of this process."""
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    set_hypothesis_home_dir(cache / "splatbus-conformance" / "hypothesis")
+    set_hypothesis_home_dir(cache_folder() / "hypothesis")
 
 
 @contextmanager

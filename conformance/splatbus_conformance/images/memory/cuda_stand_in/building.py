@@ -10,6 +10,8 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from splatbus_conformance.data import cache_folder
+
 HERE = Path(__file__).parent
 SOURCES = ("objects.c", "cudart.c", "events.c", "driver.c")
 HEADERS = ("objects.h", "runtime.h")
@@ -33,8 +35,7 @@ def library_folder() -> Path:
     if sys.platform != "linux":
         raise NotAvailable(f"the stand-in CUDA runtime runs on Linux, and this is {sys.platform}")
     command = shlex.split(os.environ.get("CC", "")) or ["cc"]
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = cache / "splatbus-conformance" / f"cudart-{_digest(command)}"
+    folder = cache_folder() / f"cudart-{_digest(command)}"
     if folder.is_dir():
         return folder
     if shutil.which(command[0]) is None:
