@@ -7,6 +7,7 @@ file, and memory or a folder the run.
 """
 
 import atexit
+import faulthandler
 import gc
 import itertools
 import os
@@ -23,7 +24,7 @@ import pytest
 from splatbus_conformance import guard
 
 from tests.durations import Durations
-from tests.keeper import Fate, Kept, end, segments
+from tests.keeper import Fate, Kept, abandoned, end, segments
 from tests.progress import Progress
 
 SOME = 5
@@ -109,8 +110,7 @@ class Dealer:
         finally:
             end(*self.running)
             guard.remove(self.folder)
-        for path in sorted(segments() - before):
-            made = path.stat().st_mtime
+        for path, made in abandoned(before).items():
             then = [unit.name for unit in self.ended if unit.lived[0] <= made <= unit.lived[1]]
             self._fail("the whole run", f"{path} was left behind by one of {', '.join(then)}")
         if self.config.args_source.name != "ARGS":  # all of them ran
@@ -138,6 +138,7 @@ class Dealer:
         endings._clear()  # of whoever deals
         capture: Any = plugins.getplugin("capturemanager")
         capture.stop_global_capturing()  # its files are those of whoever deals
+        faulthandler.enable(os.dup(2))  # for what crashes takes what it has printed with it
         capture.start_global_capturing()
         plugins.register(Sender(self.config, said))
         folder = self.folder / str(unit.number)

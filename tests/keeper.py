@@ -70,6 +70,20 @@ def segments() -> set[Path]:
     return set(Path("/dev/shm").glob("splatbus*"))
 
 
+def abandoned(before: set[Path]) -> dict[Path, float]:
+    """What came since and no process holds, for what a program beside this run has is its own; and
+    when it was made.
+    """
+    from splatbus_conformance.trials.testee.os_evidence import holders  # may not be installed
+
+    found: dict[Path, float] = {}
+    for path in sorted(segments() - before):
+        with contextlib.suppress(FileNotFoundError):  # whoever has just ended has taken it away
+            if not holders(path.name):
+                found[path] = path.stat().st_mtime
+    return found
+
+
 def _keep(work: Callable[[Connection], None], said: Connection, told: Connection) -> NoReturn:
     libc = ctypes.CDLL(None)
     libc.prctl(PR_SET_CHILD_SUBREAPER, 1)

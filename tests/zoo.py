@@ -16,7 +16,7 @@ from splatbus_conformance.selftest.command import every_trial
 from splatbus_conformance.selftest.registry import groups
 
 from tests.durations import HARNESS, ROOT, Durations
-from tests.keeper import segments
+from tests.keeper import abandoned, segments
 from tests.progress import Progress
 
 FATE = re.compile(r" *\d+/\d+ .* (?P<fate>\S+) +(?P<name>\S+)  [\d.]+ s$")
@@ -48,7 +48,7 @@ def main() -> int:
                         print(now, flush=True)
         if matrix.is_file():
             renew(json.loads(matrix.read_text("utf-8"))["rows"], durations)
-        for left in segments() - before:  # by mutants that free nothing
+        for left in abandoned(before):  # by mutants that free nothing
             left.unlink(missing_ok=True)
         if not it.returncode:
             shutil.copy(matrix.with_suffix(".md"), PAGE)
@@ -58,10 +58,11 @@ def main() -> int:
 def renew(rows: list[dict[str, object]], specimens: Durations) -> None:
     """Store what was measured, of specimens and of the checks of the references."""
     sides = {side: Durations(side, HARNESS, shortest=0.2) for side in ("client", "server")}
+    together = {name: group.name for group in groups() for name in group.members}
     for row in rows:
         name, checks = str(row["name"]), row["checks"]
         assert isinstance(checks, dict)
-        specimens.took(name, float(str(row["seconds"])))
+        specimens.took(together.get(name, name), float(str(row["seconds"])))
         for check, seconds in checks.items():
             sides["client" if "client" in name else "server"].took(check, seconds)
     specimens.save(gone=True)

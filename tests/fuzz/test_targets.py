@@ -18,8 +18,8 @@ from tests.fuzz.loop import fuzz, shortest
 from tests.fuzz.reach import Reach
 from tests.fuzz.targets import TARGETS
 
-EXECUTIONS = {"framing": 500, "captured": 300}
-USUAL = 1500
+EXECUTIONS = {"captured": 300}
+USUAL = 500
 MOST_BYTES = 300_000
 """Of what the repository keeps of all inputs."""
 

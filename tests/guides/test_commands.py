@@ -3,11 +3,11 @@
 What a command judges is one of our own programs under the name of the reader's (`desk.py`), and its
 ports are free ones. Apart from that:
 
-- a command that judges little, or nothing, is run word for word;
-- one that judges everything is run with `--profile brief --select …` behind it: this shows that its
+- a command that judges nothing, or replays, is run word for word;
+- one that judges is run with `--profile brief --select …` behind it: this shows that its
   options go together and reach the testee, not that the testee passes all, for which there are
-  other tests. Of several that differ only in the program that they start, its patience or its
-  size, one is run;
+  other tests. Of several that differ only in the program that they start, its patience, its size
+  or the selection, one is run;
 - one that writes a list of expected failures takes a whole run. One is run, with the brief profile;
   of the others, which differ in the testee alone, the options are read.
 """
@@ -51,19 +51,13 @@ JUDGING = [
     for line in LINES
     if line not in READ and any(f" {side} " in line for side in ("client", "server"))
 ]
-WHOLE = [
-    line
-    for line in LINES
-    if line not in READ
-    and (line not in JUDGING or ("--select" in line and "--adapter" not in line))
-]
+WHOLE = [line for line in LINES if line not in READ + JUDGING]
 SHORT = list(
     {
         re.sub(
             r"(?<=launch|dapter) (\"[^\"]*\"|\S+)| --(patience|viewport|select) \S+", "", line
         ): line
         for line in JUDGING
-        if line not in WHOLE
     }.values()
 )
 UNTIL = {
@@ -79,8 +73,9 @@ def shortened(line: str) -> str:
     if line not in JUDGING:
         return line
     brief = f"{line} --profile brief --shrink 0"
-    if line in WHOLE or "--write-expected" in line:
+    if "--write-expected" in line:
         return brief
+    line = re.sub(r" --select \S+", "", brief)
     return f"{brief} --select {'CNV-1' if '--require-level' in line else 'FRM-1'}"
 
 
@@ -189,6 +184,8 @@ def test_no_command_hides_in_a_block_of_another_kind() -> None:
 def _parse(arguments: list[str]) -> None:
     top = parser((declare,))
     found = top.parse_args(arguments)
+    if found.command in ("client", "server"):
+        assert plan_of(found.command, found)
     if found.command == "replay":
         if found.file.endswith(".jsonl"):  # a recording: the words say themselves to whom
             top.parse_args(found.how)

@@ -11,6 +11,7 @@ import pytest
 
 from tests import progress
 from tests.durations import UNKNOWN_SECONDS, Durations
+from tests.keeper import abandoned, segments
 from tests.package.building import ROOT
 from tests.waiting import eventually
 
@@ -32,7 +33,7 @@ def test_that_leaves_a_file():
 def test_that_passes():
     print("nothing of this is seen")
 """
-DIES = "import os\n\ndef test_that_dies():\n    os._exit(7)\n"
+DIES = "import os\n\ndef test_that_dies():\n    os.abort()\n"
 HANGS = """
 import subprocess, sys, time
 
@@ -71,9 +72,25 @@ def test_what_a_test_leaves_behind_fails_it_and_is_ended(tmp_path: Path) -> None
     assert "it left processes behind" in told
     assert mark in told
     assert "it left files behind: forgotten" in told
-    assert "its process ended with 7" in told
+    assert "its process ended with -6" in told
+    assert "in test_that_dies" in complaints
     assert "2 passed" in told
     assert sleepers(mark) == []
+
+
+def test_memory_is_left_behind_once_nobody_has_it() -> None:
+    before = segments()
+    path = Path(f"/dev/shm/splatbus-beside-{os.getpid()}")
+    with path.open("w") as file:
+        held = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"], stdin=file)
+    try:
+        assert path not in abandoned(before)
+        held.kill()
+        held.wait()
+        assert path in abandoned(before)
+    finally:
+        held.kill()
+        path.unlink()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

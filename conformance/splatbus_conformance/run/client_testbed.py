@@ -42,6 +42,7 @@ class ClientTestbed:
             self._memory = _memory(plan)
             undo.callback(self._memory.close)
             self.testee = self._testee(self.peer.environment() | device, say)
+            self.peer.delays = lambda: os_evidence.delays(self.testee.group)
             undo.pop_all()
 
     def introduce(self) -> None:

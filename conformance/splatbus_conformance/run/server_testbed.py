@@ -7,6 +7,7 @@ from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.vital_signs import BRIEF_SECONDS, lost_by_server
 from splatbus_conformance.trials.scripted_client import ScriptedClient
 from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.testee import os_evidence
 from splatbus_conformance.trials.testee.device_probe import (
     device_for,
     stand_in_for,
@@ -43,6 +44,7 @@ class ServerTestbed:
             if plan.launch
             else Awaited(f"the server at {plan.host}", say)
         )
+        self.peer.delays = lambda: os_evidence.delays(self.testee.group)
         self.facts = ServerFacts()
         self._token = own_token() or None
         self._viewer = ScriptedClient(self._token, self.device)

@@ -21,8 +21,9 @@ from splatbus_conformance.selftest.registry import groups, mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
 CORES = os.cpu_count() or 1
-WHOLE, SELECTED = 5 * CORES, 3 * CORES
+WHOLE, SELECTED = 7 * CORES, 4 * CORES
 """At a time: runs of all checks, and beside them runs of one or two, which are over sooner."""
+PRELOADED = "splatbus_conformance.selftest.preload"
 Trial = Callable[[], SpecimenResult]
 
 
@@ -77,6 +78,7 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
     seconds: dict[str, float] = read_json("durations.json")["specimens"]
     in_order = sorted(chosen, key=lambda name: -seconds.get(name, math.inf))
     selected = {mutant.name for mutant in mutants()}
+    harnesses.PRELOADED.append(PRELOADED)
     pools = ThreadPoolExecutor(WHOLE), ThreadPoolExecutor(SELECTED)
     try:
         running = [pools[name in selected].submit(chosen[name]) for name in in_order]

@@ -25,10 +25,8 @@ REFERENCE: dict[str, tuple[Side, str]] = {
 """Which side each is on, and the axes of its adapter."""
 TOLD = {"reference-server-that-wants-a-token": {"SPLATBUS_TOKEN": "a token"}}
 """What the harness and its testee find in their environment."""
-FULL_RUN_SECONDS = 400.0
-"""The longest that all checks may take on a client that passes them."""
-SELECTED_SECONDS = 120.0
-"""The longest that the checks of one or two requirements may take on a client that fails them."""
+SILENT_SECONDS = 400.0
+"""For so long a harness that still runs may say nothing."""
 PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_renderer"}
 """The references that a person starts."""
 USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
@@ -126,7 +124,7 @@ def judge_mutant(mutant: Mutant) -> SpecimenResult:
     by_rule = mutant.check == RULE
     select = f"{mutant.through},{mutant.requirement}" if by_rule else mutant.check
     report, _, last_words = run_harness(
-        mutant.name, mutant.side, select, SELECTED_SECONDS, mutant.axes
+        mutant.name, mutant.side, select, SILENT_SECONDS, mutant.axes
     )
     cells = cells_of(report)
     fate, note = fate_of(mutant, cells), ""
@@ -159,7 +157,7 @@ def _judge_conforming(
 ) -> SpecimenResult:
     began = time.monotonic()
     report, status, last_words = run_harness(
-        name, side, "", FULL_RUN_SECONDS, axes, ("--profile", profile)
+        name, side, "", SILENT_SECONDS, axes, ("--profile", profile)
     )
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
@@ -211,8 +209,9 @@ def run_harness(
     main: Callable[[list[str]], int] = harnesses.judge,
     command: str = "",
 ) -> tuple[dict[str, Any] | None, int | None, str]:
-    """Judge a specimen by `splatbus-conformance SIDE --launch --select`, within so many seconds;
-    by `--adapter` where there are axes, in which its adapter gives and takes poses.
+    """Judge a specimen by `splatbus-conformance SIDE --launch --select`, which may say nothing for
+    so many seconds; by `--adapter` where there are axes, in which its adapter gives and takes
+    poses.
 
     Returns its JSON report, or None if there is none, its exit status, or None if it had to be
     ended, and the last that it printed.

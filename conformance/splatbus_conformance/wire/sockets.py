@@ -9,7 +9,7 @@ import selectors
 import socket
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Literal, TypeVar
 
 from splatbus_conformance.wire.packets import HEADER, Packet, Splitter
@@ -29,6 +29,8 @@ DIAL_SECONDS = 5.0
 NARROW_BYTES, NARROW_SEGMENT = 4096, 536
 TICK_SECONDS = 0.02
 """How often a condition is looked at while nothing happens on the wire."""
+DELAYS_SECONDS = 0.2
+"""As often it is asked whether the testee was kept from running."""
 GRACE_SECONDS = 0.1
 """Whoever looks away for longer has no clock of what others do meanwhile."""
 AWAY_SECONDS = 1.0
@@ -217,8 +219,13 @@ class Peer:
         """When it began to listen on each channel, since it last refused there."""
         self.late_seconds = 0.0
         """By how much the longest of all waits on this record was longer than asked for."""
+        self.delays: Callable[[], Mapping[int, float]] = dict
+        """How long each thread of the testee has waited for a processor, in seconds, by its id."""
         self._start = self._looked = time.monotonic()
         self._absent = 0.0
+        self._asked = self._clock = self._start
+        self._delayed = 0.0
+        self._known: Mapping[int, float] = {}
         self._count = dict.fromkeys(CHANNELS, 0)
 
     def environment(self) -> dict[str, str]:
@@ -267,10 +274,17 @@ class Peer:
 
     def clock(self) -> float:
         """Seconds by which a testee's patience is measured: those do not count in which a busy
-        machine kept the harness from looking, for it may have kept the testee from its work too,
-        and what came has not been seen.
+        machine kept the testee from running, or the harness from looking, for what came has not
+        been seen then.
         """
-        return min(time.monotonic(), self._looked + GRACE_SECONDS) - self._absent
+        looking = min(time.monotonic(), self._looked + GRACE_SECONDS) - self._absent
+        if looking - self._asked > DELAYS_SECONDS:
+            known, self._known = self._known, self.delays()
+            longest = max((it - known.get(id, 0.0) for id, it in self._known.items()), default=0.0)
+            self._delayed += min(longest, looking - self._asked)
+            self._asked = looking
+        self._clock = max(self._clock, looking - self._delayed)
+        return self._clock
 
     @contextlib.contextmanager
     def waiting(self) -> Iterator[None]:

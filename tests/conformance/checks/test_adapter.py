@@ -37,7 +37,7 @@ def judged(tmp_path, axes, select):
         [
             *(sys.executable, "-m", "splatbus_conformance", "--plain", "client", "--json", path),
             *("--adapter", f'"{sys.executable}" -m splatbus_viewer.adapter --axes {axes}'),
-            *("--select", ",".join(select)),
+            *("--select", ",".join(select), "--profile", "brief"),
         ],
         capture_output=True,
         text=True,

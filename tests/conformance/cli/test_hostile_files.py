@@ -141,11 +141,14 @@ def stored() -> dict[str, Any]:
     return json.loads(json.dumps(report))
 
 
-@pytest.mark.parametrize("at", list(places(stored())), ids=lambda at: "/".join(map(str, at)))
+PLACES = list(places(stored()))
+
+
+@pytest.mark.parametrize("at", PLACES, ids=lambda at: "/".join(map(str, at)))
 def test_a_report_with_anything_anywhere(at: tuple[Any, ...], tmp_path: Path) -> None:
     path = tmp_path / "report.json"
     made = [f"--{kind}={tmp_path / kind}" for kind in ("html", "junit", "markdown", "badge")]
-    for odd in ODD:
+    for odd in ODD[PLACES.index(at) % 3 :: 3]:  # another third in the next place
         path.write_text(json.dumps(changed(stored(), at, odd)), "utf-8")
         status, output = said("report", str(path), *made)
         assert status in (0, 2), output

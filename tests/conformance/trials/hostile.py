@@ -97,9 +97,11 @@ FROM_SERVER: dict[str, tuple[str, Json]] = {
 
 
 def spoiled(message: Json) -> Iterator[bytes]:
-    """Payloads that differ from a good one in one place, at whatever depth."""
-    for path in _paths(message):
-        for value in VALUES.values():
+    """Payloads that differ from a good one in one place, at whatever depth: in each a third of the
+    values, in the next another.
+    """
+    for number, path in enumerate(_paths(message)):
+        for value in list(VALUES.values())[number % 3 :: 3]:
             yield _with(message, path, value)
 
 

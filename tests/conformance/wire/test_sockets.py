@@ -116,6 +116,26 @@ def test_patience_is_not_spent_while_the_harness_cannot_look(where, monkeypatch)
     assert peer.clock() - began == pytest.approx(50 * TICK_SECONDS, abs=2 * TICK_SECONDS)
 
 
+@pytest.mark.parametrize(("share", "away"), [(0.75, 0.0), (1.0, 60.0)])
+def test_patience_is_not_spent_while_the_testee_cannot_run(share, away, monkeypatch) -> None:
+    """Nor twice, where the harness could not look meanwhile."""
+    clock = SimpleNamespace(now=0.0, delayed=0.0)
+
+    def select(seconds: float) -> list[object]:
+        clock.now += max(seconds, 1e-3) + away
+        clock.delayed += share * (seconds + away) * (clock.now < 500.0)
+        return []
+
+    monkeypatch.setattr(f"{SOCKETS}.time", SimpleNamespace(monotonic=lambda: clock.now))
+    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
+    monkeypatch.setattr(peer, "_selector", SimpleNamespace(select=select))
+    peer.delays = lambda: {1: clock.delayed / 3, 2: clock.delayed}
+    looked: list[float] = []
+    peer.until(lambda: looked.append(peer.clock()), 10.0)
+    assert looked == sorted(looked)
+    assert clock.now >= (500.0 if away else 10.0 / (1 - share)) - 1.0
+
+
 def test_patience_is_spent_on_a_testee_that_does_not_accept(monkeypatch) -> None:
     clock = SimpleNamespace(now=0.0)
 

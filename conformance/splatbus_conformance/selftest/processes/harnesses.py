@@ -10,6 +10,7 @@ import signal
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
@@ -18,7 +19,9 @@ from pathlib import Path
 from splatbus_conformance.run import workers
 
 STOP_SECONDS = 15.0
+LOOK_SECONDS = 5.0
 PRELOADED = [*workers.PRELOADED, "splatbus_conformance.selftest.processes.fork_server"]
+"""What each harness is forked with; whoever wants more adds it before the first."""
 
 _running: set[BaseProcess] = set()
 _starting = threading.Lock()
@@ -45,7 +48,8 @@ def run(
     """Run a harness, or another program, with this command line, and these variables besides those
     of this process as they are now; its exit status, and what it printed.
 
-    The status is None if it had to be ended after so many seconds; then the text says so.
+    The status is None if it had to be ended, for it had printed nothing for so many seconds; then
+    the text says so.
     """
     with tempfile.TemporaryDirectory(prefix="splatbus-harness-") as folder:
         output = Path(folder, "output.txt")
@@ -59,13 +63,27 @@ def run(
             process.start()
         _running.add(process)
         try:
-            process.join(seconds)
-            if process.is_alive():
-                _end(process)
-                return None, f"it did not come to an end within {seconds:g} s"
-            return process.exitcode, output.read_text("utf-8", "replace")
+            if _comes_to_an_end(process, output, seconds):
+                return process.exitcode, output.read_text("utf-8", "replace")
+            _end(process)
+            return None, f"it said nothing for {seconds:g} s, and had not come to an end"
         finally:
             _running.discard(process)
+
+
+def _comes_to_an_end(process: BaseProcess, output: Path, seconds: float) -> bool:
+    """Whether it does: False once it has printed nothing for so long. What prints goes on, however
+    slowly a busy machine lets it.
+    """
+    printed, since = 0, time.monotonic()
+    while process.is_alive():
+        process.join(min(seconds, LOOK_SECONDS))
+        size = output.stat().st_size if output.exists() else 0
+        if size > printed:
+            printed, since = size, time.monotonic()
+        elif time.monotonic() > since + seconds and process.is_alive():
+            return False
+    return True
 
 
 def stop_all() -> None:

@@ -2,7 +2,12 @@
 
 from splatbus_conformance.selftest.faults.patching import Patch
 from splatbus_conformance.selftest.mutant import together
-from splatbus_conformance.selftest.variations import client, client_adapted, client_memory
+from splatbus_conformance.selftest.variations import (
+    client,
+    client_adapted,
+    client_channels,
+    client_memory,
+)
 
 
 @together(
@@ -14,6 +19,7 @@ from splatbus_conformance.selftest.variations import client, client_adapted, cli
     client.numbers_with_exponents,
     client.escapes_everywhere,
     client.header_and_payload_apart,
+    client.insists_on_another_size,
 )
 def says_all_at_length(patch: Patch) -> None:
     """Spells its messages as nobody does, and says more than it has to."""
@@ -57,9 +63,30 @@ def opens_nothing_and_asks_once(patch: Patch) -> None:
     """Shows little of itself on either channel."""
 
 
+@together(client.no_frames, client.the_same_id_in_every_request)
+def opens_and_looks_away(patch: Patch) -> None:
+    """Opens the memory, and has no use for it."""
+
+
+@together(client.says_nothing_but_hello, client_channels.comes_back_late)
+def comes_late_and_listens(patch: Patch) -> None:
+    """Takes its time to connect, and says hello alone."""
+
+
+@together(client.speaks_1_0, client_channels.one_channel_after_the_other)
+def speaks_1_0_in_turn(patch: Patch) -> None:
+    """Has one connection after the other, of 1.0."""
+
+
+@together(client.images_alone, client.ends_with_its_server)
+def looks_once(patch: Patch) -> None:
+    """Looks at the images of one connection, and ends with it."""
+
+
 @together(
     client_adapted.says_its_last_camera_again,
     client_adapted.moves_the_splats_as_an_object,
+    client_adapted.asks_for_the_first_camera_ahead,
 )
 def steers_in_its_own_way(patch: Patch) -> None:
     """Says again what it said, and moves the splats by their name."""

@@ -5,6 +5,7 @@ from splatbus_conformance.selftest.mutant import together
 from splatbus_conformance.selftest.variations import (
     server,
     server_1_1,
+    server_blobs,
     server_images,
     server_messages,
     server_unhurried,
@@ -91,7 +92,11 @@ def server_sees_otherwise(patch: Patch) -> None:
     """Has a lens of its own, a matrix of single precision, and more images than it needs."""
 
 
-@together(server.server_without_reinit, server_messages.server_of_lenses_and_pings)
+@together(
+    server.server_without_reinit,
+    server_messages.server_of_lenses_and_pings,
+    server_images.server_of_another_scene,
+)
 def server_can_do_little(patch: Patch) -> None:
     """Has few capabilities on either channel."""
 
@@ -102,7 +107,45 @@ def server_can_do_less(patch: Patch) -> None:
 
 
 @together(
-    server_unhurried.server_takes_long_for_its_first_image, server_unhurried.server_of_many_slots
+    server_unhurried.server_takes_long_for_its_first_image,
+    server_unhurried.server_of_many_slots,
+    server.server_turns_its_scene,
 )
 def server_takes_long_at_first(patch: Patch) -> None:
-    """Takes long for its first image, and much memory."""
+    """Takes long for its first image, and much memory; the scene turns meanwhile."""
+
+
+@together(
+    server.server_keeps_the_newest_client,
+    server_images.server_that_begins_elsewhere,
+    server_images.server_of_distances,
+)
+def server_of_the_newest_client(patch: Patch) -> None:
+    """Serves one client, the newest, with distances, and begins elsewhere."""
+
+
+@together(server.server_keeps_the_oldest_client, server_images.server_that_is_empty_at_100)
+def server_of_the_oldest_client(patch: Patch) -> None:
+    """Serves one client, the oldest, with depth 100 where nothing is."""
+
+
+@together(server.server_lends_to_one_reader, server_blobs.server_of_sparse_soft_blobs)
+def server_lends_soft_blobs(patch: Patch) -> None:
+    """Lends to one reader what one sees through."""
+
+
+@together(server_1_1.server_speaks_1_1_alone, server_images.server_without_alpha)
+def server_of_a_full_sky(patch: Patch) -> None:
+    """Refuses 1.0, and leaves no pixel empty."""
+
+
+@together(server_messages.server_of_telemetry_and_sizes, server_unhurried.server_of_one_small_splat)
+def server_of_one_splat_and_its_size(patch: Patch) -> None:
+    """Shows little, of any size."""
+
+
+@together(
+    server_messages.server_without_message_capabilities, server_blobs.server_of_one_large_blob
+)
+def server_of_one_blob_and_nothing_to_say(patch: Patch) -> None:
+    """Lends images of one depth, and has nothing to say."""

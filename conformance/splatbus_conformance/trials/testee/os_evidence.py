@@ -47,6 +47,35 @@ def members(group_: int) -> list[int]:
     return [pid for pid in _others() if group(pid) == group_]
 
 
+def delays(pid: int | None) -> dict[int, float]:
+    """How long each thread of a process, and of those that it has started, was ready to run while
+    the processors were others', in seconds, by its id; nothing where that is not shown.
+    """
+    found: dict[int, float] = {}
+    left = [] if pid is None else [str(pid)]
+    while left:
+        with contextlib.suppress(OSError):
+            for task in (PROC / left.pop() / "task").iterdir():
+                if len(told := _words(f"{task}/schedstat")) > 1:
+                    found[int(task.name)] = int(told[1]) / 1e9
+                left += _words(f"{task}/children")
+    return found
+
+
+def _words(path: str) -> list[str]:
+    """Of a file of the system's; asked for several times a second, so by the shortest way."""
+    try:
+        file = os.open(path, os.O_RDONLY)
+    except OSError:
+        return []
+    try:
+        return os.read(file, 1 << 16).decode("ascii").split()
+    except OSError:
+        return []
+    finally:
+        os.close(file)
+
+
 def listener(port: int) -> str:
     """Which process listens on a TCP port, if that is shown; else nothing."""
     socket = _socket(f":{port:04X}", ":0000")

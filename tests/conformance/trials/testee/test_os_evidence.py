@@ -1,6 +1,7 @@
 """What another process holds is seen, where the system shows it."""
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -9,7 +10,9 @@ from contextlib import contextmanager
 
 import pytest
 from splatbus_conformance.images.memory.host import HostMemory
-from splatbus_conformance.trials.testee.os_evidence import holders, owner, writers
+from splatbus_conformance.trials.testee.os_evidence import delays, holders, owner, writers
+
+from tests.waiting import eventually
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows it")
 
@@ -107,3 +110,21 @@ def test_the_owner_of_a_connection_is_found() -> None:
             with accepted:
                 assert owner(from_port, port) == other.pid
                 assert owner(port, from_port) not in (os.getpid(), other.pid)
+
+
+SPINS = "while True: pass"
+
+
+def test_a_process_that_is_kept_from_running_is_seen_to_be_delayed() -> None:
+    """By another, on the one processor that both have; and so is one that it has started."""
+    processor = {min(os.sched_getaffinity(0))}
+    starts = "import subprocess, sys; subprocess.run([sys.executable, '-c', sys.argv[1]])"
+    with running(starts, SPINS) as first, running(SPINS, "") as rival:
+        assert eventually(lambda: len(delays(first.pid)) > 1)
+        (started,) = set(delays(first.pid)) - {first.pid}
+        for pid in (started, rival.pid):
+            os.sched_setaffinity(pid, processor)
+        before = delays(first.pid)[started]
+        assert eventually(lambda: delays(first.pid)[started] > before + 0.2)
+        os.kill(started, signal.SIGKILL)
+    assert delays(first.pid) == delays(None) == {}
