@@ -21,7 +21,7 @@ SOURCES = {
     "Adapter": "programs/adapter.cpp",
 }
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
-CHECKED = ("-O0", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+CHECKED = ("-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 """A fault of memory or an undefined behaviour ends the program, which no test takes for a pass."""
 Command = list[str]
 

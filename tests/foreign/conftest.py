@@ -14,7 +14,7 @@ def verdict_differs(tmp_path: Path) -> Callable[[Program], list[str]]:
 
     def of(program: Program) -> list[str]:
         try:
-            return differences(program, judge(program, tmp_path))
+            return differences(program, judge(program, tmp_path, profile=program.profile))
         except Lacking as lacking:
             pytest.skip(f"{program.name} is written in {program.language}: {lacking}")
 

@@ -313,13 +313,14 @@ class CheckPlugin:
         script = code = ""
         if error is not None:
             text = str(error.value)
-            evidence = self._evidence(check.requirement)
+            skipped = isinstance(error.value, pytest.skip.Exception)
+            evidence = () if skipped else self._evidence(check.requirement)
             if isinstance(error.value, Violation):
                 verdict, code = failing(self.known[check.requirement].level), error.value.code
                 text += self._last_words() if self.testbed.testee.ended() else ""
                 script = self._script(check.requirement, item.name, by_rule=False)
-            elif isinstance(error.value, pytest.skip.Exception):
-                verdict, evidence = Verdict.SKIP, ()
+            elif skipped:
+                verdict = Verdict.SKIP
             else:
                 verdict, text = Verdict.ERROR, f"{error.typename}: {text}"
                 lines = "".join(traceback.format_exception(error.value)).splitlines()
