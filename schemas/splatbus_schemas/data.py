@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from importlib.resources import files
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 VERSIONS = ("1.0", "1.1")
-_PACKAGE = "splatbus_schemas"
+_PACKAGE = Path(__file__).parent
 _SCHEMA = ".schema.json"
 
 
@@ -36,12 +36,12 @@ def known_to(version: str) -> tuple[str, ...]:
 
 def read_json(*path: str) -> Any:
     """The JSON file at `path` inside this package, parsed; FileNotFoundError if there is none."""
-    return json.loads(files(_PACKAGE).joinpath(*path).read_text("utf-8"))
+    return json.loads(_PACKAGE.joinpath(*path).read_text("utf-8"))
 
 
 def names(version: str | None) -> list[str]:
     """What has a schema: the messages of one version, or with None this package's data files."""
-    folder = files(_PACKAGE).joinpath(version) if version else files(_PACKAGE)
+    folder = _PACKAGE / version if version else _PACKAGE
     found = (file.name for file in folder.iterdir())
     return sorted(name.removesuffix(_SCHEMA) for name in found if name.endswith(_SCHEMA))
 
