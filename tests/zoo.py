@@ -27,7 +27,7 @@ PAGE = ROOT / "conformance" / "KILL_MATRIX.md"
 def main() -> int:
     """The exit status of the selftest."""
     durations = Durations("specimens", HARNESS)
-    together = {name for group in groups() for name in group.members}
+    together = group_of()
     names = [name for name, _ in every_trial("brief") if name not in together]
     if unknown := durations.unknown(names):
         print(f"{len(unknown)} specimens come first, for nobody has measured them", flush=True)
@@ -55,10 +55,15 @@ def main() -> int:
     return it.returncode
 
 
+def group_of() -> dict[str, str]:
+    """With which specimen each is judged that is not judged by itself."""
+    return {name: group.name for group in groups() for name in group.members}
+
+
 def renew(rows: list[dict[str, object]], specimens: Durations) -> None:
     """Store what was measured, of specimens and of the checks of the references."""
     sides = {side: Durations(side, HARNESS, shortest=0.2) for side in ("client", "server")}
-    together = {name: group.name for group in groups() for name in group.members}
+    together = group_of()
     for row in rows:
         name, checks = str(row["name"]), row["checks"]
         assert isinstance(checks, dict)

@@ -16,6 +16,8 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from splatbus_conformance.data import cache_folder
+
 from tests.blender.running import ROOT, VARIABLE
 from tests.foreign.programs import Lacking
 from tests.package.pythons import python
@@ -39,7 +41,7 @@ def installed(version: str) -> str:
     Raises:
         Lacking: it is not in the cache, and cannot be had.
     """
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "splatbus-blender"
+    cache = cache_folder().with_name("splatbus-blender")
     place = cache / f"bpy-{version}"
     with _installing:
         if not place.is_dir():

@@ -9,6 +9,7 @@ from hashlib import blake2b
 from pathlib import Path
 
 import pytest
+from splatbus_conformance.data import cache_folder
 from splatbus_schemas.prose import CHECKOUT
 
 from tests.csharp.compiled import compiled
@@ -51,7 +52,7 @@ def compiled_cpp(
     digest = blake2b(repr(line).encode(), digest_size=8)
     for each in texts:
         digest.update(each.read_bytes())
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "splatbus-engines"
+    cache = cache_folder().with_name("splatbus-engines")
     program = cache / f"{Path(source).stem}-{digest.hexdigest()}"
     cache.mkdir(parents=True, exist_ok=True)
     with (cache / f"{program.name}.lock").open("w") as lock:

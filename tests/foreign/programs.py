@@ -45,6 +45,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from splatbus_conformance.data import cache_folder
 from splatbus_conformance.images.memory.cuda_stand_in.building import NotAvailable, library_folder
 
 from tests.foreign.pressing import pressed
@@ -150,8 +151,7 @@ def _built(program: Program, places: dict[str, str]) -> Path:
     digest = hashlib.blake2b(repr(program.build).encode(), digest_size=8)
     for path in sources:
         digest.update(path.name.encode() + path.read_bytes())
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    folder = cache / "splatbus-foreign" / f"{program.name}-{digest.hexdigest()}"
+    folder = cache_folder().with_name("splatbus-foreign") / f"{program.name}-{digest.hexdigest()}"
     if folder.is_dir():
         return folder
     folder.parent.mkdir(parents=True, exist_ok=True)

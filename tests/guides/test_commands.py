@@ -75,7 +75,6 @@ def shortened(line: str) -> str:
     brief = f"{line} --profile brief --shrink 0"
     if "--write-expected" in line:
         return brief
-    line = re.sub(r" --select \S+", "", brief)
     return f"{brief} --select {'CNV-1' if '--require-level' in line else 'FRM-1'}"
 
 

@@ -45,6 +45,11 @@ def _candidates(version: str) -> Iterator[Path]:
     yield from sorted(pyenv.glob(f"versions/{version}.*/bin/python"))
 
 
+def pip_of(environment: Path) -> tuple[str | Path, ...]:
+    """Our pip, for a virtual environment that needs none of its own."""
+    return sys.executable, "-m", "pip", "--python", scripts(environment) / "python"
+
+
 def scripts(environment: Path) -> Path:
     """Where a virtual environment has its programs."""
     return environment / ("Scripts" if os.name == "nt" else "bin")

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.package.building import ROOT, build
-from tests.package.pythons import COMMANDS, run, scripts
+from tests.package.pythons import COMMANDS, pip_of, run, scripts
 
 MYPY_INI = """\
 [mypy]
@@ -29,15 +29,13 @@ def environment(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (site_packages,) = folder.glob("[Ll]ib/**/site-packages")
     (site_packages / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     wheel, _ = build(ROOT, tmp_path_factory.mktemp("dist"))
-    pip = (sys.executable, "-m", "pip", "--python", scripts(folder) / "python")
-    done = run(*pip, "install", "--no-deps", "--no-index", wheel, cwd=folder)
+    done = run(*pip_of(folder), "install", "--no-deps", "--no-index", wheel, cwd=folder)
     assert done.returncode == 0, done.stderr
     return folder
 
 
 def test_it_and_its_dependencies_agree(environment: Path) -> None:
-    pip = (sys.executable, "-m", "pip", "--python", scripts(environment) / "python")
-    done = run(*pip, "check", cwd=environment)
+    done = run(*pip_of(environment), "check", cwd=environment)
     assert done.returncode == 0, done.stdout
 
 

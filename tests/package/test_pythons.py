@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.package.building import ROOT, build
-from tests.package.pythons import COMMANDS, python, run, scripts
+from tests.package.pythons import COMMANDS, pip_of, python, run, scripts
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 NAMED = "Programming Language :: Python :: 3."
@@ -48,9 +48,8 @@ def test_a_clean_environment_takes_it(wheel: Path, tmp_path: Path, version: str)
 def test_an_older_one_takes_the_pair_and_numpy_alone(
     wheel: Path, tmp_path: Path, version: str
 ) -> None:
-    its_python = installed(interpreter(version), tmp_path, wheel)
-    pip = (sys.executable, "-m", "pip", "--python", its_python)
-    done = run(*pip, "list", "--format=freeze", cwd=tmp_path)
+    installed(interpreter(version), tmp_path, wheel)
+    done = run(*pip_of(tmp_path), "list", "--format=freeze", cwd=tmp_path)
     names = {line.partition("==")[0] for line in done.stdout.split()}
     assert names == {"numpy", "splatbus-protocol"}
     done = run(program(tmp_path, "splatbus-client"), "snapshot", "it.png", cwd=tmp_path)
@@ -80,8 +79,7 @@ def test_a_harness_without_its_extra_says_which(wheel: Path, tmp_path: Path) -> 
 def installed(base: Path, folder: Path, *wanted: str | Path) -> Path:
     """The Python of a new environment of `base` that has what is wanted."""
     run(base, "-m", "venv", "--without-pip", folder, cwd=folder)
-    its_python = scripts(folder) / "python"
-    pip = (sys.executable, "-m", "pip", "--python", its_python)
+    pip = pip_of(folder)
     options = ("--retries=1", "--no-compile", "--disable-pip-version-check")
     done = run(*pip, "install", *options, *wanted, cwd=folder)
     if any(sign in done.stderr for sign in UNREACHABLE):
@@ -89,7 +87,7 @@ def installed(base: Path, folder: Path, *wanted: str | Path) -> Path:
     assert done.returncode == 0, done.stderr
     done = run(*pip, "check", cwd=folder)
     assert done.returncode == 0, done.stdout
-    return its_python
+    return scripts(folder) / "python"
 
 
 def program(folder: Path, command: str) -> str:

@@ -23,7 +23,6 @@ from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, 
 CORES = os.cpu_count() or 1
 WHOLE, SELECTED = 7 * CORES, 4 * CORES
 """At a time: runs of all checks, and beside them runs of one or two, which are over sooner."""
-PRELOADED = "splatbus_conformance.selftest.preload"
 Trial = Callable[[], SpecimenResult]
 
 
@@ -39,6 +38,7 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
             markup=False,
         )
         return EXIT_USAGE
+    harnesses.PRELOADED.append("splatbus_conformance.selftest.preload")
     in_a_group = {name for group in groups() for name in group.members}
     usual = [name for name in trials_ if name not in in_a_group]
     rows = {row.name: row for row in run({name: trials_[name] for name in wanted or usual}, out)}
@@ -78,7 +78,6 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
     seconds: dict[str, float] = read_json("durations.json")["specimens"]
     in_order = sorted(chosen, key=lambda name: -seconds.get(name, math.inf))
     selected = {mutant.name for mutant in mutants()}
-    harnesses.PRELOADED.append(PRELOADED)
     pools = ThreadPoolExecutor(WHOLE), ThreadPoolExecutor(SELECTED)
     try:
         running = [pools[name in selected].submit(chosen[name]) for name in in_order]

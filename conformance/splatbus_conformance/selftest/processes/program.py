@@ -12,9 +12,9 @@ Program = Callable[[list[str]], int]
 
 
 def altered(specimen: Mutant | Variation | MachineMade) -> Program:
-    """Alter this process to the specimen's taste, then import the program that it alters.
+    """Alter this process to the specimen's taste, and give the program that it alters.
 
-    No other is imported: what a module has taken from another by name cannot be altered any more.
+    That is imported afterwards, if it was not before (`selftest.preload`), and no other is.
     """
     specimen.alter(Patch())
     client = "splatbus_viewer.adapter" if specimen.axes else "splatbus_viewer.cli"
