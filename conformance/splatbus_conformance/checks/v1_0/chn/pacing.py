@@ -2,6 +2,7 @@
 
 import random
 import time
+from collections import Counter
 from collections.abc import Sequence
 
 from splatbus_schemas import LIMITS
@@ -30,8 +31,10 @@ LOST = (*ENDS, BAD_LENGTH, *CLOSING_ERRORS)
 NOWHERE = "splatbus-check-never-was"
 IN_A_ROW = 6
 """Connections one after the other: of each, what the testee does until it closes takes time."""
-TIMES = 8
+TIMES = 9
 """That a hot loop is there at once when a channel accepts again."""
+LATE_TIMES = 3
+"""That whoever pauses is there later; a hot loop that a busy machine delays may be so once."""
 AT_ONCE_SECONDS = LEAST / 5
 """Whoever leaves LEAST between attempts is there so soon one time of five."""
 LONG_SECONDS = 4.0
@@ -198,28 +201,32 @@ def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -
     "CHN-21", observable="how soon after the harness listens again the testee connects, each time"
 )
 def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
-    """A channel refuses for a while, of another length each time, then accepts; a testee that is
-    there at once each time tries all the time.
+    """The channels refuse for a while, of another length each time, then accept; a testee that is
+    there at once each time tries all the time. A busy machine may make it late now and then.
     """
     lengths = random.Random(trial.seed)
-    for channel in coming_back(trial):
-        lost = lose(trial, trial.connection(channel), "close")
-        usual = after(trial, channel, lost).opened - lost
-        for _ in range(TIMES):
+    channels = coming_back(trial)
+    lost = {channel: lose(trial, trial.connection(channel), "close") for channel in channels}
+    usual = max(after(trial, channel, lost[channel]).opened - lost[channel] for channel in channels)
+    at_once, later = Counter[Channel](), Counter[Channel]()
+    while open_to_doubt := [it for it in channels if later[it] < LATE_TIMES]:
+        for channel in open_to_doubt:
             trial.peer.refuse(channel)
             trial.next_connection(channel, 0.0)  # closes the one before
-            trial.rest(usual + lengths.uniform(0.2, 0.4))
-            listening = time.monotonic()
+        trial.rest(usual + lengths.uniform(0.2, 0.4))
+        listening = time.monotonic()
+        for channel in open_to_doubt:
             trial.peer.listen(channel)
-            if after(trial, channel, listening).opened - listening > AT_ONCE_SECONDS:
-                break
-        else:
-            trial.violated(
+        for channel in open_to_doubt:
+            soon = after(trial, channel, listening).opened - listening <= AT_ONCE_SECONDS
+            (at_once if soon else later)[channel] += 1
+            trial.expect(
+                at_once[channel] < TIMES,
                 "too-soon",
-                f"each of {TIMES} times that the {channel} channel accepted again, an attempt came "
-                f"within {1000 * AT_ONCE_SECONDS:.0f} ms: it does not pause when it is refused",
+                f"{TIMES} times that the {channel} channel accepted again, an attempt came within "
+                f"{1000 * AT_ONCE_SECONDS:.0f} ms: it does not pause when it is refused",
             )
-        trial.delivered += 1
+    trial.delivered += len(channels)
 
 
 @check(
