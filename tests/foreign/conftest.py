@@ -14,7 +14,8 @@ def verdict_differs(tmp_path: Path) -> Callable[[Program], list[str]]:
 
     def of(program: Program) -> list[str]:
         try:
-            return differences(program, judge(program, tmp_path, profile=program.profile))
+            report = judge(program, tmp_path, *program.selection, profile=program.profile)
+            return differences(program, report)
         except Lacking as lacking:
             pytest.skip(f"{program.name} is written in {program.language}: {lacking}")
 

@@ -6,6 +6,8 @@ Each is a folder with its source and a `program.toml`:
     language = "C"
     what = "a viewer that ..."       one line about it
     each_time = "Go; ..."            why the test command judges it, and not `tests long` alone
+    traffic = ["REQ-13"]             whose checks bring out what rules find; the test command
+                                     judges what does not conform by these and by what is pinned
     profile = "quick"                by which it does: the shortest that finds all; brief if absent
     build = ["gcc", "client.c", "-o", "{built}/client"]    absent where there is nothing to build
     launch = "{built}/client"
@@ -94,6 +96,7 @@ class Program:
     defects: tuple[Defect, ...] = ()
     exit: int | None = None
     each_time: str = ""
+    traffic: tuple[str, ...] = ()
     profile: str = "brief"
     says: tuple[str, ...] = ()
 
@@ -101,6 +104,14 @@ class Program:
     def name(self) -> str:
         """What its folder is called."""
         return self.folder.name
+
+    @property
+    def selection(self) -> tuple[str, ...]:
+        """Options of the harness for what has to be judged to see all that is pinned."""
+        pinned = sorted((self.fails | self.warns) - self.slow)
+        if self.conforms or not pinned:
+            return ()
+        return "--select", ",".join([*pinned, *self.traffic])
 
 
 def programs(side: str) -> list[Program]:
@@ -116,7 +127,7 @@ def read(folder: Path) -> Program:
         Defect(**{**defect, "also": tuple(defect.get("also", ()))})
         for defect in text.pop("defect", ())
     ]
-    lists = {name: tuple(text.pop(name, ())) for name in ("build", "needs", "options")}
+    lists = {name: tuple(text.pop(name, ())) for name in ("build", "needs", "options", "traffic")}
     return Program(
         folder=folder,
         fails=frozenset(verdict.pop("fails")),
