@@ -128,6 +128,11 @@ def render(camera: Camera, setting: SceneState = AT_REST) -> ExactImage:
     return ExactImage(color, depth, depths.min(axis=0), depths.max(axis=0), what, certain)
 
 
+def render_depth(camera: Camera) -> Reals:
+    """The depth of `render`, of the scene at rest, at a fifth of the cost."""
+    return _hit(camera, camera.rays(), AT_REST)[1]
+
+
 def _in_axes_of(placed: ObjectPlacement, camera: Camera) -> tuple[Reals, Reals]:
     """The camera's centre in an object's axes and units, and the matrix that takes rays there: so
     the planar depths at which they meet the object stay those of the world.

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from splatbus_conformance.images.known_scene import BALL, BOBS, NOTHING, render, surface
+from splatbus_conformance.images.known_scene import BALL, BOBS, NOTHING, render, render_depth, surface
 from splatbus_conformance.images.pinhole import Camera, Reals, Rigid
 
 CLIPPING = 1e-3, 1e3
@@ -66,14 +66,14 @@ def _every(camera: Camera, stride: int, depth: Reals) -> Camera:
 
 
 def _share(camera: Camera, depth: Reals) -> float:
-    exact = render(camera).depth
+    exact = render_depth(camera)
     seen = np.isfinite(exact) & np.isfinite(depth)
     return float((np.abs(depth[seen] / exact[seen] - 1.0) <= ALIKE).sum())
 
 
 def _miss(camera: Camera, depth: Reals) -> float:
     """The median of how far depths are off, relative, where both or either see something."""
-    exact = render(camera).depth
+    exact = render_depth(camera)
     seen = np.isfinite(exact) | np.isfinite(depth)
     with np.errstate(invalid="ignore"):
         off = np.nan_to_num(np.abs(depth[seen] / exact[seen] - 1.0), nan=np.inf)

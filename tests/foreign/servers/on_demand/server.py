@@ -23,6 +23,7 @@ DISCS = (  # centre, normal, radius, colour
     ((1.2, -0.6, 4.0), (0.6, 0.0, -0.8), 0.7, (0.1, 0.6, 0.3)),
     ((-1.4, 0.5, 3.5), (0.0, -0.8, -0.6), 0.6, (0.2, 0.3, 0.9)),
 )
+RAYS = [((j + 0.5 - W / 2) / FOCAL, (i + 0.5 - H / 2) / FOCAL) for i in reversed(range(H)) for j in range(W)]
 CAMERAS = (
     ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
     ((0.25, -0.5, 0.125), (0.0, 0.0, 0.28, 0.96)),
@@ -91,19 +92,15 @@ def drawn(camera, cloud):
         up = apply(into, apply(turn, normal))
         seen.append((middle, up, radius * radius, dot(middle, up), colour))
     color, depth = array.array("f"), array.array("f")
-    for i in reversed(range(H)):
-        for j in range(W):
-            ray = ((j + 0.5 - W / 2) / FOCAL, (i + 0.5 - H / 2) / FOCAL, 1.0)
-            best, paint = FAR, None
-            for middle, up, square, height, colour in seen:
-                slope = dot(ray, up)
-                z = height / slope if slope else -1.0
-                if not NEAR <= z < best:
-                    continue
-                if sum((z * a - b) * (z * a - b) for a, b in zip(ray, middle)) <= square:
-                    best, paint = z, colour
-            color.extend((*paint, 1.0) if paint else (0.0, 0.0, 0.0, 0.0))
-            depth.append(best if paint else math.inf)
+    for x, y in RAYS:
+        best, paint = FAR, None
+        for (a, b, c), (u, v, w), square, height, colour in seen:
+            slope = x * u + y * v + w
+            z = height / slope if slope else -1.0
+            if NEAR <= z < best and (z * x - a) ** 2 + (z * y - b) ** 2 + (z - c) ** 2 <= square:
+                best, paint = z, colour
+        color.extend((*paint, 1.0) if paint else (0.0, 0.0, 0.0, 0.0))
+        depth.append(best if paint else math.inf)
     return color.tobytes(), depth.tobytes()
 
 

@@ -6,6 +6,7 @@ lens is found from the image of one at the origin, where no digits are lost.
 
 import time
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -155,9 +156,16 @@ def _said(camera: Pose, scene: Pose) -> tuple[Json, Json]:
 
 def lens_of(stored: BufferContents) -> Camera | None:
     """The lens of an image of a camera at the origin, if that shows the scene that is known."""
-    found = find_lens(rigid(*AT_ORIGIN), _planar(stored.depth))
+    planar = _planar(stored.depth)
+    found = _searched(planar.tobytes(), planar.shape)
     known = found and shows_the_scene(_photograph(found, AT_ORIGIN, *stored))
     return found if known else None
+
+
+@lru_cache(maxsize=4)
+def _searched(planar: bytes, shape: tuple[int, ...]) -> Camera | None:
+    """Once for an image that check after check looks at."""
+    return find_lens(rigid(*AT_ORIGIN), np.frombuffer(planar).reshape(shape))
 
 
 def _same(some: BufferContents, others: BufferContents) -> bool:
