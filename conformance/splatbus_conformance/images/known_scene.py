@@ -143,28 +143,36 @@ def _in_axes_of(placed: ObjectPlacement, camera: Camera) -> tuple[Reals, Reals]:
 
 def _hit(camera: Camera, rays: Reals, setting: SceneState) -> tuple[Whats, Reals, Where]:
     """What each ray (h, w, 3) meets first, at which planar depth, and whether that is certain."""
-    shape = rays.shape[:2]
-    what = np.full(shape, NOTHING)
-    first, second = np.full(shape, np.inf), np.full(shape, np.inf)
-    clear = np.full(shape, True)
-    for candidate, z in _candidates(camera, rays, setting):
-        with np.errstate(invalid="ignore"):
-            for plane in (camera.near, camera.far):
-                clear &= ~(np.abs(z - plane) <= EDGE * plane)
-            z = np.where((z >= camera.near) & (z <= camera.far), z, np.inf)
-        nearer = z < first
-        second = np.where(nearer, first, np.minimum(second, z))
-        what = np.where(nearer, candidate, what)
-        first = np.where(nearer, z, first)
+    shape, flat = rays.shape[:2], rays.reshape(-1, 3)
+    what = np.full(len(flat), NOTHING)
+    first, second = np.full(len(flat), np.inf), np.full(len(flat), np.inf)
+    clear = np.full(len(flat), True)
+    for candidate, at, z in _candidates(camera, flat, setting):
+        for plane in (camera.near, camera.far):
+            clear[at] &= ~(np.abs(z - plane) <= EDGE * plane)
+        z = np.where((z >= camera.near) & (z <= camera.far), z, np.inf)
+        former = first[at]
+        nearer = z < former
+        second[at] = np.where(nearer, former, np.minimum(second[at], z))
+        what[at] = np.where(nearer, candidate, what[at])
+        first[at] = np.minimum(z, former)
     with np.errstate(invalid="ignore"):
         clear &= ~(second - first <= EDGE * first)
-    return what, first, clear
+    return what.reshape(shape), first.reshape(shape), clear.reshape(shape)
 
 
-def _candidates(
-    camera: Camera, rays: Reals, setting: SceneState
-) -> Iterator[tuple[Whats | int, Reals]]:
-    """What could be seen, and the planar depths at which rays meet it; +∞ where they do not."""
+class _Met(NamedTuple):
+    """Those of the rays that meet something."""
+
+    what: Whats | int
+    at: Whats
+    """Their places among all."""
+    z: Reals
+    """At which planar depths; of a meeting behind the camera, a negative one."""
+
+
+def _candidates(camera: Camera, rays: Reals, setting: SceneState) -> Iterator[_Met]:
+    """What could be seen by rays (n, 3)."""
     for placed, spheres, squared in setting.parts():
         origin, turned = _in_axes_of(placed, camera)
         inside = rays @ turned.T
@@ -175,27 +183,25 @@ def _candidates(
 
 def _met_spheres(
     origin: Reals, rays: Reals, setting: SceneState, spheres: Iterable[int]
-) -> Iterator[tuple[int, Reals]]:
-    a, centers = (rays * rays).sum(axis=-1), setting.centers()
+) -> Iterator[_Met]:
+    lengths, centers = np.einsum("ij,ij->i", rays, rays), setting.centers()
     for number in spheres:
         e, radius = centers[number] - origin, SPHERES[number][1]
-        b = rays @ e
-        discriminant = b * b - a * (e @ e - radius * radius)
-        met = discriminant >= 0.0
-        if not met.any():
-            continue
-        root = np.sqrt(np.maximum(discriminant, 0.0))
-        for side, z in enumerate(((b - root) / a, (b + root) / a)):
-            yield 2 * number + side, np.where(met, z, np.inf)
+        along = rays @ e
+        discriminant = along * along - lengths * (e @ e - radius * radius)
+        at = np.flatnonzero(discriminant >= 0.0)
+        root, b, a = np.sqrt(discriminant[at]), along[at], lengths[at]
+        yield _Met(2 * number, at, (b - root) / a)
+        yield _Met(2 * number + 1, at, (b + root) / a)
 
 
-def _met_square(origin: Reals, rays: Reals) -> tuple[Whats, Reals]:
+def _met_square(origin: Reals, rays: Reals) -> _Met:
     with np.errstate(divide="ignore", invalid="ignore"):
-        z = (FLOOR_Y - origin[1]) / rays[..., 1]
-        x, across = origin[0] + z * rays[..., 0], origin[2] + z * rays[..., 2]
-        inside = (np.abs(x) <= FLOOR_EXTENT) & (np.abs(across) <= FLOOR_EXTENT)
-        odd = (np.floor(np.where(inside, x, 0.0)) + np.floor(np.where(inside, across, 0.0))) % 2
-    return FLOOR + odd.astype(np.int64), np.where(inside, z, np.inf)
+        z = (FLOOR_Y - origin[1]) / rays[:, 1]
+        x, across = origin[0] + z * rays[:, 0], origin[2] + z * rays[:, 2]
+        at = np.flatnonzero((np.abs(x) <= FLOOR_EXTENT) & (np.abs(across) <= FLOOR_EXTENT))
+    odd = (np.floor(x[at]) + np.floor(across[at])) % 2
+    return _Met(FLOOR + odd.astype(np.int64), at, z[at])
 
 
 def _paint(

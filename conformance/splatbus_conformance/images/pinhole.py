@@ -11,6 +11,7 @@ from splatbus_conformance.wire.json_values import finite, finites, whole, within
 from splatbus_conformance.wire.messages import Json
 
 Reals = NDArray[np.float64]
+Whole = NDArray[np.int64]
 ORIGIN: Reals = np.zeros(3)
 IDENTITY: Reals = np.eye(3)
 MIN_NORM = 1e-6
@@ -67,9 +68,13 @@ class Camera(NamedTuple):
 
     def rays(self) -> Reals:
         """(h, w, 3), top row first: where each pixel looks, in camera axes, with z = 1."""
-        x = (np.arange(self.width) + 0.5 - self.cx) / self.fx
-        y = (np.arange(self.height) + 0.5 - self.cy) / self.fy
-        across, down = np.meshgrid(x, y)
+        columns, rows = np.meshgrid(np.arange(self.width), np.arange(self.height))
+        return self.rays_at(columns, rows)
+
+    def rays_at(self, columns: Whole, rows: Whole) -> Reals:
+        """(…, 3): where these pixels look, in camera axes, with z = 1."""
+        across = (columns + 0.5 - self.cx) / self.fx
+        down = (rows + 0.5 - self.cy) / self.fy
         return np.stack((across, down, np.ones_like(across)), axis=-1)
 
 

@@ -73,9 +73,10 @@ def agreement(pair: ViewPair, reading: Misreading) -> float:
     many are taken to disagree as LEAST_LANDED and LEAST_POINTS have it.
     """
     before, after, moved = pair
-    rays, depth = before.camera.rays(), reading.depth(before)
-    seen = np.isfinite(depth) & (depth > 0)
-    points = (depth[seen][:, None] * rays[seen])[:: max(1, int(seen.sum()) // MOST_POINTS)]
+    depth = reading.depth(before)
+    seen = np.flatnonzero(np.isfinite(depth) & (depth > 0))
+    rows, columns = np.divmod(seen[:: max(1, len(seen) // MOST_POINTS)], depth.shape[1])
+    points = depth[rows, columns, None] * before.camera.rays_at(columns, rows)
     world = reading.scene(moved).place(reading.pose(before).place(points))
     arrived = reading.pose(before if reading.still else after).sees(world)
     counted, right = _compare(arrived, after.camera, reading.depth(after))
@@ -91,9 +92,9 @@ def _compare(points: Reals, camera: Camera, depth: Reals) -> tuple[int, int]:
     inside = (u >= 0) & (v >= 0) & (u < camera.width - 1) & (v < camera.height - 1)
     u, v, z = u[inside], v[inside], points[inside, 2]
     column, row = u.astype(np.int64), v.astype(np.int64)
+    around = np.stack([depth[row + i, column + j] for i in (0, 1) for j in (0, 1)])
     with np.errstate(divide="ignore"):
-        inverse = np.where(depth > 0, 1.0 / depth, 0.0)
-    corners = np.stack([inverse[row + i, column + j] for i in (0, 1) for j in (0, 1)])
+        corners = np.where(around > 0, 1.0 / around, 0.0)
     nothing = ~corners.any(axis=0)
     smooth = (corners > 0).all(axis=0) & (corners.max(axis=0) <= SMOOTH * corners.min(axis=0))
     x, y = u - column, v - row

@@ -38,7 +38,8 @@ def missing(
     """
     results = list(results)
     shown = {it.requirement for it in results if it.missed and it.requirement in judged}
-    missed = [name for name in judged if name in shown - observed(results, judged)]
+    unseen = shown - observed(results, judged)
+    missed = [name for name in judged if name in unseen]
     if not missed:
         return ""
     return (
