@@ -20,7 +20,7 @@ from splatbus_conformance.selftest.mutant import variation
 DIGITS = 60
 
 
-@variation(warns=("CTL-6",), axes="unity")
+@variation(warns=("CTL-6",), axes="blender")
 def says_its_last_camera_again(patch: Patch) -> None:
     """Says the camera that it said last once more before the first new one on a connection."""
     begun: list[CameraPose] = []
@@ -42,7 +42,7 @@ def says_its_last_camera_again(patch: Patch) -> None:
     Seam(Steering, "tell").wrap(patch, tell)
 
 
-@variation(axes="opengl")
+@variation(axes="blender")
 def steers_through_a_lens_of_its_own(patch: Patch) -> None:
     """Says where it looks from, and through which lens, as soon as it may."""
     first = CameraPose(IDENTITY, intrinsics=Intrinsics(300.0, 310.0, 30.0, 25.0, 64, 48, 0.1, 50.0))
@@ -54,7 +54,7 @@ def steers_through_a_lens_of_its_own(patch: Patch) -> None:
     client.BEGINS_TO_STEER.wrap(patch, begin)
 
 
-@variation(axes="unity")
+@variation(axes="blender")
 def moves_the_splats_as_an_object(patch: Patch) -> None:
     """Moves the splats as the object `"default"`, where the server knows objects."""
 
@@ -77,7 +77,7 @@ def converts_by_matrices_with_scale(patch: Patch) -> None:
     Seam(Engine, "to_wire").replace(patch, to_wire)
 
 
-@variation(axes="unity")
+@variation(axes="blender")
 def asks_for_the_first_camera_ahead(patch: Patch) -> None:
     """Asks for the first camera before somebody wants it, and lets the next who does have that."""
     first = {"camera": 0}

@@ -53,9 +53,11 @@ def asks_for_all_but_a_channel(patch: Patch) -> None:
     """Says everything on the message channel, and little on the other."""
 
 
-@together(client.no_reinit, client.declares_nothing_on_the_message_channel)
+@together(
+    client.no_reinit, client.declares_nothing_on_the_message_channel, client.comes_back_slowly
+)
 def can_do_little(patch: Patch) -> None:
-    """Declares few capabilities."""
+    """Declares few capabilities, and comes back slowly."""
 
 
 @together(client.cuda_memory_alone, client.asks_once_a_process)
@@ -87,19 +89,18 @@ def looks_once(patch: Patch) -> None:
     client_adapted.says_its_last_camera_again,
     client_adapted.moves_the_splats_as_an_object,
     client_adapted.asks_for_the_first_camera_ahead,
+    client_adapted.steers_through_a_lens_of_its_own,
+    client_adapted.converts_by_matrices_with_scale,
 )
 def steers_in_its_own_way(patch: Patch) -> None:
-    """Says again what it said, and moves the splats by their name."""
-
-
-@together(client.flushes_subnormal_numbers, client_memory.looks_for_frames_at_4_hz)
-def shows_in_its_own_way(patch: Patch) -> None:
-    """Shows few frames, and no subnormal numbers."""
+    """Says again what it said, through a lens of its own, and moves the splats by their name."""
 
 
 @together(
+    client.flushes_subnormal_numbers,
+    client_memory.looks_for_frames_at_4_hz,
     client_memory.loads_its_driver_with_the_first_memory,
     client_memory.builds_its_shaders_with_the_first_frame,
 )
-def takes_long_at_first(patch: Patch) -> None:
-    """Takes long for its first memory, and for its first frame."""
+def takes_its_time(patch: Patch) -> None:
+    """Takes long for its first memory and its first frame, and shows few, without small numbers."""

@@ -58,9 +58,11 @@ def server_bears_nothing(patch: Patch) -> None:
     server.server_tells_no_size_at_first,
     server.server_spaces_its_ring,
     server_images.server_that_renders_slowly,
+    server.server_keeps_the_oldest_client,
+    server_images.server_that_is_empty_at_100,
 )
 def server_bears_all(patch: Patch) -> None:
-    """Ignores without a word what it might report; with another ring of its own."""
+    """Ignores without a word what it might report; serves the oldest client alone."""
 
 
 @together(
@@ -78,9 +80,10 @@ def server_of_many(patch: Patch) -> None:
     server.server_goes_home,
     server_messages.server_takes_its_time_for_a_size,
     server_1_1.server_has_one_name_for_its_memory,
+    server_unhurried.server_of_one_small_splat,
 )
 def server_keeps_few(patch: Patch) -> None:
-    """Serves two clients a channel, and forgets where they were."""
+    """Serves two clients a channel, forgets where they were, and shows little."""
 
 
 @together(
@@ -119,14 +122,10 @@ def server_takes_long_at_first(patch: Patch) -> None:
     server.server_keeps_the_newest_client,
     server_images.server_that_begins_elsewhere,
     server_images.server_of_distances,
+    server_messages.server_of_telemetry_and_sizes,
 )
 def server_of_the_newest_client(patch: Patch) -> None:
     """Serves one client, the newest, with distances, and begins elsewhere."""
-
-
-@together(server.server_keeps_the_oldest_client, server_images.server_that_is_empty_at_100)
-def server_of_the_oldest_client(patch: Patch) -> None:
-    """Serves one client, the oldest, with depth 100 where nothing is."""
 
 
 @together(server.server_lends_to_one_reader, server_blobs.server_of_sparse_soft_blobs)
@@ -137,11 +136,6 @@ def server_lends_soft_blobs(patch: Patch) -> None:
 @together(server_1_1.server_speaks_1_1_alone, server_images.server_without_alpha)
 def server_of_a_full_sky(patch: Patch) -> None:
     """Refuses 1.0, and leaves no pixel empty."""
-
-
-@together(server_messages.server_of_telemetry_and_sizes, server_unhurried.server_of_one_small_splat)
-def server_of_one_splat_and_its_size(patch: Patch) -> None:
-    """Shows little, of any size."""
 
 
 @together(
