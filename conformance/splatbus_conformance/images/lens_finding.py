@@ -9,7 +9,14 @@ import math
 
 import numpy as np
 
-from splatbus_conformance.images.known_scene import BALL, BOBS, NOTHING, render, render_depth, surface
+from splatbus_conformance.images.known_scene import (
+    BALL,
+    BOBS,
+    NOTHING,
+    render,
+    render_depth,
+    surface,
+)
 from splatbus_conformance.images.pinhole import Camera, Reals, Rigid
 
 CLIPPING = 1e-3, 1e3
