@@ -1,4 +1,4 @@
-"""The checks that need an adapter: the reference client passes in all axes, and mutants do not."""
+"""The checks that need an adapter: the reference client passes in all axes."""
 
 import json
 import math
@@ -16,7 +16,6 @@ from splatbus_conformance.checks.v1_0.buf import compositing
 from splatbus_conformance.checks.v1_0.req.adapter import understood
 from splatbus_conformance.data import read_json
 from splatbus_conformance.selftest import judge
-from splatbus_conformance.selftest.judge import Fate
 from splatbus_conformance.selftest.registry import mutants
 
 from tests.conformance.harness import run, said
@@ -74,21 +73,6 @@ def test_the_reference_client_reads_and_shows_images(tmp_path):
     assert set(results) == set(IMAGES)
     for name, found in results.items():
         assert "pass" in {result["verdict"] for result in found}, (name, found)
-
-
-@pytest.mark.parametrize(
-    "name",
-    [
-        "sends-six-digits",
-        "takes-cameras-for-objects",
-        "gives-replies-to-the-last-who-asked",
-        "releases-before-it-reads",
-        "blends-premultiplied-as-straight",
-    ],
-)
-def test_a_mutant_beside_an_adapter_dies(name):
-    row = judge.judge_mutant(MUTANTS[name])
-    assert row.fate is Fate.KILLED, row
 
 
 def test_a_device_may_know_no_subnormal_numbers():
