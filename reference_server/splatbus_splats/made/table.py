@@ -131,8 +131,11 @@ def _bowl(count: int, random: np.random.Generator) -> Part:
     ends = np.concatenate(((0.0,), np.cumsum(lengths)))
     at = random.uniform(0.0, ends[-1], count)
     height, radius = (np.interp(at, ends, profile[:, i]) for i in (0, 1))
-    ahead = np.clip(at + 0.008, 0, ends[-1]), np.clip(at - 0.008, 0, ends[-1])
-    rise, grow = (np.subtract(*(np.interp(a, ends, profile[:, i]) for a in ahead)) for i in (0, 1))
+    ahead, behind = (np.clip(at + aside, 0, ends[-1]) for aside in (0.008, -0.008))
+    rise, grow = (
+        np.interp(ahead, ends, profile[:, i]) - np.interp(behind, ends, profile[:, i])
+        for i in (0, 1)
+    )
     angle = random.uniform(0.0, 2.0 * np.pi, count)
     outward = np.stack((np.cos(angle), np.zeros(count), np.sin(angle)), axis=1)
     means = outward * radius[:, None] - height[:, None] * (0.0, 1.0, 0.0)
