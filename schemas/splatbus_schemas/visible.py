@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-_ORDER = re.compile(r"^(\s*:):|##(?=\[|\w+\[)", re.MULTILINE)
+_ORDER = re.compile(r"^([^\S\n]*:):|##(?=\[|\w+\[)", re.MULTILINE)
 """How a line begins that a CI system obeys, and what it obeys anywhere in a line."""
 
 
