@@ -3,7 +3,8 @@
 What a command judges is one of our own programs under the name of the reader's (`desk.py`), and its
 ports are free ones. Apart from that:
 
-- a command that judges nothing, or replays, is run word for word;
+- a command that judges nothing, or replays, is run word for word, one of those that differ only in
+  the requirement or the program;
 - one that judges is run with `--profile brief --select …` behind it: this shows that its
   options go together and reach the testee, not that the testee passes all, for which there are
   other tests. Of several that differ only in the program that they start, its patience, its size
@@ -51,15 +52,19 @@ JUDGING = [
     for line in LINES
     if line not in READ and any(f" {side} " in line for side in ("client", "server"))
 ]
-WHOLE = [line for line in LINES if line not in READ + JUDGING]
-SHORT = list(
-    {
-        re.sub(
-            r"(?<=launch|dapter) (\"[^\"]*\"|\S+)| --(patience|viewport|select) \S+", "", line
-        ): line
-        for line in JUDGING
-    }.values()
+VARIED = re.compile(
+    r"(?<=launch|dapter) (\"[^\"]*\"|\S+)| --(patience|viewport|select) \S+"
+    r"|(?<=explain) \S+|(?<=replay) \S+"
 )
+
+
+def one_of_a_kind(lines: list[str]) -> list[str]:
+    """The last of several that differ in nothing but what varies, on one side."""
+    return list({(VARIED.sub("", line), "my_renderer" in line): line for line in lines}.values())
+
+
+WHOLE = one_of_a_kind([line for line in LINES if line not in READ + JUDGING])
+SHORT = one_of_a_kind(JUDGING)
 UNTIL = {
     "proxy": "nothing broken so far",
     "python conformance": "picture.ppm",
