@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from splatbus_server.control import Poses
 from splatbus_server.view import Intrinsics, View, field_of_view
-from splatbus_splats.gaussians import Gaussians
+from splatbus_splats.gaussians import Floats, Gaussians
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 
@@ -33,12 +33,17 @@ def some(
     rotations: object = (0, 0, 0, 1),
 ) -> Gaussians:
     """Gaussians of one colour from all sides, of arrays that are broadcast to (N, …)."""
-    at = np.atleast_2d(np.array(means, np.float32))
+    at = np.atleast_2d(np.array(means, np.float32, order="C"))
     shades = np.broadcast_to(np.array(colors, np.float64), (len(at), 3))
     return Gaussians(
         at,
-        np.array(np.broadcast_to(np.array(rotations, np.float32), (len(at), 4))),
-        np.array(np.broadcast_to(np.array(scales, np.float32), (len(at), 3))),
-        np.array(np.broadcast_to(np.array(opacities, np.float32), len(at))),
-        ((shades - 0.5) / 0.28209479177387814)[:, None].astype(np.float32),
+        contiguous(rotations, (len(at), 4)),
+        contiguous(scales, (len(at), 3)),
+        contiguous(opacities, (len(at),)),
+        contiguous(((shades - 0.5) / 0.28209479177387814)[:, None], (len(at), 1, 3)),
     )
+
+
+def contiguous(values: object, shape: tuple[int, ...]) -> Floats:
+    """Broadcast, as `Gaussians` are: for arrays of another kind the loops are compiled again."""
+    return np.array(np.broadcast_to(np.array(values, np.float32), shape), order="C")

@@ -21,7 +21,7 @@ from splatbus_splats.made import made
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 
-from tests.splats.shots import HEIGHT, WIDTH, some, view_of
+from tests.splats.shots import HEIGHT, WIDTH, contiguous, some, view_of
 
 LIMIT = 1.0 / 255.0
 """What the worst pixel may be off by."""
@@ -120,10 +120,8 @@ def test_one_object_of_a_scale_is_larger_ones_nearer() -> None:
 
 def stressed(**arrays: object) -> Gaussians:
     scene = made(600, 3)
-    given = {name: np.array(value, np.float32) for name, value in arrays.items()}
     return replace(scene, **{
-        name: np.ascontiguousarray(np.broadcast_to(value, getattr(scene, name).shape))
-        for name, value in given.items()
+        name: contiguous(value, getattr(scene, name).shape) for name, value in arrays.items()
     })  # fmt: skip
 
 

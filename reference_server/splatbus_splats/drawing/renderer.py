@@ -371,10 +371,17 @@ def _are_alike(one: Placed, other: Placed) -> bool:
 
 
 def _arrays(gaussians: Gaussians) -> tuple[NDArray[Any], ...]:
-    """For the loops, which know no float16 but its bits."""
-    *rest, coefficients = (getattr(gaussians, each.name) for each in fields(gaussians))
+    """For the loops, which know no float16 but its bits.
+
+    None may be written, whether the given ones may or not: the loops are compiled once for each
+    kind of array.
+    """
+    *rest, coefficients = (getattr(gaussians, each.name).view() for each in fields(gaussians))
     is_half = coefficients.dtype == np.float16
-    return (*rest, coefficients.view(np.uint16) if is_half else coefficients)
+    views = (*rest, coefficients.view(np.uint16) if is_half else coefficients)
+    for each in views:
+        each.setflags(write=False)
+    return views
 
 
 def _shared(starts: NDArray[np.int64], share: int) -> Iterator[tuple[int, int]]:

@@ -1,7 +1,7 @@
 """The picture by its definition, in float64: every Gaussian at every pixel, one after the other.
 
-It is what renderers are compared with, and is slow: some microseconds a Gaussian, and a
-nanosecond or ten for each pixel of each.
+It is what renderers are compared with, and is slow: some microseconds a Gaussian, and a few
+nanoseconds for each pixel of each.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ from splatbus_splats.drawing.definition import (
 from splatbus_splats.gaussians import Gaussians
 
 Floats = NDArray[np.float64]
+
+FAR = 12.0
+"""From this q on, no opacity up to 1 leaves an alpha that counts: it would be 0.0025."""
 
 
 class _Flat(NamedTuple):
@@ -75,14 +78,15 @@ def at_pixels(
         (x, y), (a, b, c) = flat.centers[k], flat.conics[k]
         dx, dy = u - x, v - y
         q = a * dx * dx + 2.0 * b * dx * dy + c * dy * dy
-        alpha = np.minimum(LARGEST_ALPHA, flat.opacities[k] * np.exp(-0.5 * q))
+        at = np.flatnonzero(is_open & ~(q > FAR))  # elsewhere nothing changes
+        alpha = np.minimum(LARGEST_ALPHA, flat.opacities[k] * np.exp(-0.5 * q[at]))
         alpha[alpha < LEAST_ALPHA] = 0.0
-        after = left * (1.0 - alpha)
-        is_open &= after >= LEAST_LEFT
-        weight = np.where(is_open, left * alpha, 0.0)
-        color += weight[:, None] * (*flat.colors[k], 1.0)
-        inverse += weight / flat.z[k]
-        left = np.where(is_open, after, left)
+        after = left[at] * (1.0 - alpha)
+        is_open[at] = goes_on = after >= LEAST_LEFT
+        weight = np.where(goes_on, left[at] * alpha, 0.0)
+        color[at] += weight[:, None] * (*flat.colors[k], 1.0)
+        inverse[at] += weight / flat.z[k]
+        left[at] = np.where(goes_on, after, left[at])
     return Image(color, inverse)
 
 
