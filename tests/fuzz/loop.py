@@ -42,18 +42,49 @@ class Fuzzed:
 
 
 def fuzz(
-    name: str, *, seconds: float | None = None, executions: int | None = None, seed: int = 0
+    name: str,
+    *,
+    seconds: float | None = None,
+    executions: int | None = None,
+    seed: int = 0,
+    traces: bool = True,
 ) -> Fuzzed:
-    """Runs a target for a time, or so often; the same seed and number make the same inputs."""
+    """Runs a target for a time, or so often, and makes short what it fails with; see `search`."""
+    result = search(name, seconds=seconds, executions=executions, seed=seed, traces=traces)
+    run = TARGETS[name].run
+    result.faults = {told: shortest(run, data) for told, data in result.faults.items()}
+    return result
+
+
+def search(
+    name: str,
+    *,
+    seconds: float | None = None,
+    executions: int | None = None,
+    seed: int = 0,
+    traces: bool = True,
+    most_faults: int = MOST_FAULTS,
+) -> Fuzzed:
+    """Runs a target for a time, or so often; the same seed and number make the same inputs.
+
+    Args:
+        name: of the target.
+        seconds: after which it ends.
+        executions: after which it ends; all that a target begins with is run in any case.
+        seed: of the mutations.
+        traces: whether it is found out what reaches further, and kept. That takes ten times as
+            long as to run what a target begins with.
+        most_faults: after which it ends.
+    """
     target, random = TARGETS[name], Random(f"{name} {seed}")
     reach, result = Reach(target), Fuzzed()
     began = time.monotonic()
     inputs = [*corpus.seeds(name), *corpus.found(name)]
     mutator = Mutator(random, corpus.words(inputs))
     for data in inputs:
-        _try(reach.run, data, result)
+        _try(reach.run if traces else target.run, data, result)
     number = 0
-    while len(result.faults) < MOST_FAULTS:
+    while len(result.faults) < most_faults:
         if executions is not None and result.executions >= executions:
             break
         if seconds is not None and time.monotonic() - began >= seconds:
@@ -61,14 +92,13 @@ def fuzz(
         number += 1
         recent = inputs[-RECENT:] if random.random() < 0.5 else inputs
         data = mutator.mutated(random.choice(recent), inputs)
-        if number % TRACED_EVERY:
+        if number % TRACED_EVERY or not traces:
             _try(target.run, data, result)
         elif _try(reach.run, data, result):
             inputs.append(data)
             result.kept.append(data)
     result.reached = len(reach.known)
     result.seconds = time.monotonic() - began
-    result.faults = {told: shortest(target.run, data) for told, data in result.faults.items()}
     return result
 
 
@@ -84,7 +114,7 @@ def _try(run: Callable[[bytes], object], data: bytes, result: Fuzzed) -> object:
 
 def where(error: BaseException) -> str:
     """What an error is, and where it was raised."""
-    last = traceback.extract_tb(error.__traceback__)[-1]
+    last = traceback.extract_tb(error.__traceback__, limit=-1)[0]
     return f"{type(error).__name__} in {last.name}: {last.line}"
 
 
