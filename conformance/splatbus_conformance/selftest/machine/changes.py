@@ -253,5 +253,5 @@ def _span(node: ast.stmt | ast.ExceptHandler) -> tuple[int, int]:
 
 def _text(node: ast.AST) -> str:
     """The first line of its source, for people."""
-    text = ast.unparse(ast.fix_missing_locations(copy(node)))
+    text = ast.unparse(node)
     return text.splitlines()[0][:160]

@@ -4,6 +4,7 @@ import hashlib
 import importlib.util
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from splatbus_conformance.plan import SIDES, Side
@@ -104,9 +105,14 @@ def as_drawn(change: Change) -> Drawn:
 
 def of(module: str) -> list[Change]:
     """Every change of a module, but of what nobody calls who is judged."""
-    found = changes(source(module).read_text("utf-8"), module)
+    found = _changes(source(module).read_text("utf-8"), module)
     uncalled = {f"{module}:{function}" for function in UNCALLED.get(module, ())}
     return [it for it in found if it.name.rsplit(":", 2)[0] not in uncalled]
+
+
+@cache
+def _changes(text: str, module: str) -> tuple[Change, ...]:
+    return tuple(changes(text, module))
 
 
 def source(module: str) -> Path:
