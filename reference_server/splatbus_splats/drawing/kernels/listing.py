@@ -74,7 +74,7 @@ def sorted_places(places: Any, depths: Any) -> Any:
             counts[time, (key >> np.uint64(BITS * time)) & mask] += 1
     for time in range(TIMES):
         ends = counts[time]
-        if ends.max() == len(keys):
+        if len(keys) == 0 or ends[(keys[0] >> np.uint64(BITS * time)) & mask] == len(keys):
             continue  # they have these bits in common, as most of the exponent is
         total = 0
         for digit in range(1 << BITS):

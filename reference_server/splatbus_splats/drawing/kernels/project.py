@@ -123,9 +123,9 @@ def project(
                 if u + wide < 0.0 or u - wide > width or v + high < 0.0 or v - high > height:
                     continue
             R, J = _matrix(rotations, i), (fx / z, fy / z, x, y)
-            r0, s0 = _column(turn, R, J, scales, i, 0)
-            r1, s1 = _column(turn, R, J, scales, i, 1)
-            r2, s2 = _column(turn, R, J, scales, i, 2)
+            r0, s0 = _column(turn, R[0], J, scales[i, 0])
+            r1, s1 = _column(turn, R[1], J, scales[i, 1])
+            r2, s2 = _column(turn, R[2], J, scales[i, 2])
             rr = r0 * r0 + r1 * r1 + r2 * r2
             ss = s0 * s0 + s1 * s1 + s2 * s2
             rs = r0 * s0 + r1 * s1 + r2 * s2
@@ -162,25 +162,25 @@ def project(
 
 @compiled
 def _matrix(rotations: Any, i: int) -> Any:
-    """The rotation of a quaternion, which is made unit in float64, by rows."""
+    """The rotation of a quaternion, which is made unit in float64, by columns."""
     x, y = np.float64(rotations[i, 0]), np.float64(rotations[i, 1])
     z, w = np.float64(rotations[i, 2]), np.float64(rotations[i, 3])
     s = 2.0 / (x * x + y * y + z * z + w * w)
     return (
-        (1.0 - s * (y * y + z * z), s * (x * y - z * w), s * (x * z + y * w)),
-        (s * (x * y + z * w), 1.0 - s * (x * x + z * z), s * (y * z - x * w)),
-        (s * (x * z - y * w), s * (y * z + x * w), 1.0 - s * (x * x + y * y)),
+        (1.0 - s * (y * y + z * z), s * (x * y + z * w), s * (x * z - y * w)),
+        (s * (x * y - z * w), 1.0 - s * (x * x + z * z), s * (y * z + x * w)),
+        (s * (x * z + y * w), s * (y * z - x * w), 1.0 - s * (x * x + y * y)),
     )
 
 
 @compiled
-def _column(turn: Any, R: Any, J: Any, scales: Any, i: int, k: int) -> Any:
+def _column(turn: Any, axis: Any, J: Any, scale: Any) -> Any:
     """Of A = J·W·R·S, whose covariance is A·Aᵀ; J is of focal lengths over z, and slopes."""
     fx, fy, x, y = J
-    first = turn[0, 0] * R[0][k] + turn[0, 1] * R[1][k] + turn[0, 2] * R[2][k]
-    second = turn[1, 0] * R[0][k] + turn[1, 1] * R[1][k] + turn[1, 2] * R[2][k]
-    third = turn[2, 0] * R[0][k] + turn[2, 1] * R[1][k] + turn[2, 2] * R[2][k]
-    return fx * (first - x * third) * scales[i, k], fy * (second - y * third) * scales[i, k]
+    first = turn[0, 0] * axis[0] + turn[0, 1] * axis[1] + turn[0, 2] * axis[2]
+    second = turn[1, 0] * axis[0] + turn[1, 1] * axis[1] + turn[1, 2] * axis[2]
+    third = turn[2, 0] * axis[0] + turn[2, 1] * axis[1] + turn[2, 2] * axis[2]
+    return fx * (first - x * third) * scale, fy * (second - y * third) * scale
 
 
 def _number(bits: Any) -> Any:
