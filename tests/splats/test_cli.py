@@ -25,6 +25,8 @@ from splatbus_splats.made import made
 
 from tests.splats.served import COMMAND, ENVIRONMENT, FREE, SECONDS, serving, two_files
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 WITHOUT_EXTRA = [
     sys.executable,
     "-c",

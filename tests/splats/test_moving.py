@@ -23,6 +23,8 @@ from splatbus_wire.poses import Pose
 
 from tests.splats.shots import HEIGHT, WIDTH, view_of
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 ROOT = Path(__file__).parents[2]
 SCENE = made(2000)
 FRAME = 1.0 / 60.0

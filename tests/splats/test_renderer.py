@@ -23,6 +23,8 @@ from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.splats.shots import HEIGHT, WIDTH, contiguous, some, view_of
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 LIMIT = 1.0 / 255.0
 """What the worst pixel may be off by."""
 USUAL = 1e-5

@@ -32,6 +32,8 @@ from tests.splats.served import (
 from tests.splats.shots import some, view_of
 from tests.splats.times import drawn, written
 
+pytestmark = pytest.mark.usefixtures("loops")
+
 CAMERA = {
     "id": 0, "img_name": "a", "width": 1280, "height": 480, "position": [0.5, -0.25, 1],
     "rotation": [[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]], "fx": 500.0, "fy": 450.0,

@@ -79,6 +79,8 @@ def at_pixels(
         dx, dy = u - x, v - y
         q = a * dx * dx + 2.0 * b * dx * dy + c * dy * dy
         at = np.flatnonzero(is_open & ~(q > FAR))  # elsewhere nothing changes
+        if not len(at):
+            continue
         alpha = np.minimum(LARGEST_ALPHA, flat.opacities[k] * np.exp(-0.5 * q[at]))
         alpha[alpha < LEAST_ALPHA] = 0.0
         after = left[at] * (1.0 - alpha)

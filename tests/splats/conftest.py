@@ -1,0 +1,27 @@
+"""The renderer's loops are compiled by one of the processes to which tests are dealt."""
+
+import sys
+from pathlib import Path
+
+import pytest
+from splatbus_splats.drawing.definition import placed
+from splatbus_splats.drawing.kernels import compiled
+from splatbus_splats.drawing.renderer import rendered
+from splatbus_splats.made import made
+
+from tests.splats.shots import view_of
+
+
+@pytest.fixture(scope="session")
+def loops() -> None:
+    """They are compiled, and kept where other processes find them: while one of those that come
+    here at a time compiles them, which takes ten seconds of a processor, the others wait.
+    """
+    if sys.platform == "win32":
+        return
+    import fcntl
+
+    view = view_of()
+    with Path(compiled.__file__).open("rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # until it is closed
+        rendered(placed(view, {"default": made(100)}), view.intrinsics, view.width, view.height)
