@@ -148,6 +148,10 @@ def test_a_server_can_say_what_it_likes(kind: str) -> None:
             play_client(memory, channel, payload)
 
 
+_looked_at: set[str] = set()
+"""What was asked for whether it shows the scene, which takes longest."""
+
+
 def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
     """The harness plays the viewer, and hears something good, this, and good again."""
     viewer = ScriptedClient()
@@ -189,7 +193,11 @@ def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
     for frame_ in [value] if b'"frame"' in payload else (*photographed, value):
         if dealings.memory and (seen := photograph_of(frame_, dealings.memory, packets[-1])):
             assert seen.view()
-            assert shows_the_scene(seen, facts.setting(frame_)) in (True, False)
+            setting = facts.setting(frame_)
+            same = repr((frame_, seen.semantics, seen.color.shape, setting))
+            if same not in _looked_at:  # memory holds nothing but zeros
+                _looked_at.add(same)
+                assert shows_the_scene(seen, setting) in (True, False)
         assert shows(frame_, POSE) in (True, False)
         assert placed_in(frame_, "default")
         assert placed_in(frame_, "chair")
