@@ -4,7 +4,7 @@ import fcntl
 import os
 import shutil
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import blake2b
 from pathlib import Path
 
@@ -21,8 +21,13 @@ SOURCES = {
     "Viewer": "programs/viewer.cpp",
     "Adapter": "programs/adapter.cpp",
 }
+PROGRAMS = Path(__file__).with_name("programs.cpp")
+"""All of them in one, which takes the name of one as its first argument."""
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror")
-CHECKED = ("-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+CHECKED = (
+    *("-O1", "-g1", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"),
+    "--param=asan-instrumentation-with-call-threshold=0",  # or it compiles a fifth longer
+)
 """A fault of memory or an undefined behaviour ends the program, which no test takes for a pass."""
 Command = list[str]
 
@@ -31,40 +36,51 @@ def built(language: str, program: str, folder: Path, *, sanitized: bool = True) 
     """The command that starts it; skips where its compiler is missing."""
     if language == "csharp":
         return ["mono", str(compiled(folder / f"{program}.exe", program))]
-    return [str(compiled_cpp(SOURCES[program], options=CHECKED if sanitized else ("-O2",)))]
+    if sanitized:
+        return [str(compiled_cpp(PROGRAMS)), program]
+    return [str(compiled_cpp(CPP / SOURCES[program], options=("-O2",)))]
 
 
 def compiled_cpp(
-    source: str,
+    source: Path,
     compiler: str = "g++",
     options: Sequence[str] = CHECKED,
     libraries: Sequence[str] = (),
 ) -> Path:
-    """A program of the C++ client; a warning is an error.
+    """A program of the C++ client; a warning is an error."""
+    line = [compiler, "-std=c++17", *options, *WARNINGS, f"-I{CPP}", f"-I{CPP / 'include'}"]
+    line += ["-pthread", str(source), *libraries]
+    return kept(source.stem, line, [source, *texts(CPP)])
 
-    It lies in the user's cache, under a digest of all that it is made of.
+
+def texts(folder: Path) -> list[Path]:
+    """What of C++ is in there."""
+    return sorted(each for each in folder.rglob("*") if each.suffix in (".cpp", ".hpp", ".h"))
+
+
+def kept(name: str, line: Sequence[str], of: Iterable[Path], folder: Path | None = None) -> Path:
+    """What this command line makes of these texts; skips where its compiler is missing.
+
+    It lies in the user's cache, under a digest of both; empty after `-fsyntax-only`.
     """
-    if not shutil.which(compiler):
-        pytest.skip(f"{compiler} is not installed")
-    line = [compiler, "-std=c++17", *options, *WARNINGS, f"-I{CPP / 'include'}", "-pthread"]
-    line += [str(CPP / source), *libraries]
-    texts = sorted(each for each in CPP.rglob("*") if each.suffix in (".cpp", ".hpp"))
+    if not shutil.which(line[0]):
+        pytest.skip(f"{line[0]} is not installed")
     digest = blake2b(repr(line).encode(), digest_size=8)
-    for each in texts:
+    for each in of:
         digest.update(each.read_bytes())
     cache = cache_folder().with_name("splatbus-engines")
-    program = cache / f"{Path(source).stem}-{digest.hexdigest()}"
+    target = cache / f"{name}-{digest.hexdigest()}"
     cache.mkdir(parents=True, exist_ok=True)
-    with (cache / f"{program.name}.lock").open("w") as lock:
+    with (cache / f"{target.name}.lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # of several who want it one builds it
-        if not program.is_file():
-            made = program.with_suffix(".new")
-            done = subprocess.run(
-                [*line, "-o", str(made)], capture_output=True, text=True, timeout=600
-            )
+        if not target.is_file():
+            made = target.with_suffix(".new")
+            made.touch()
+            whole = [*line, "-o", str(made)]
+            done = subprocess.run(whole, cwd=folder, capture_output=True, text=True, timeout=600)
             assert done.returncode == 0, done.stdout + done.stderr
-            made.replace(program)
-    return program
+            made.replace(target)
+    return target
 
 
 def answers(

@@ -16,7 +16,7 @@ from splatbus_schemas import examples, names
 from splatbus_schemas.prose import CHECKOUT
 from splatbus_wire.framing import encode_packet
 
-from tests.engines.built import compiled_cpp
+from tests.engines.built import CPP, compiled_cpp
 
 RESULT = CHECKOUT / "tests" / "results" / "cpp-fuzz.json"
 OPTIONS = ("-O1", "-g", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all")
@@ -38,7 +38,7 @@ def corpus() -> Iterator[bytes]:
 
 def run(folder: Path, *limits: str, seconds: float = 600) -> tuple[int, str]:
     """Status and output of the fuzzer within these limits; what it finds is kept there."""
-    target = compiled_cpp("fuzz/client.cpp", "clang++", OPTIONS)
+    target = compiled_cpp(CPP / "fuzz" / "client.cpp", "clang++", OPTIONS)
     inputs = folder / "corpus"
     inputs.mkdir()
     for number, each in enumerate(corpus()):

@@ -13,7 +13,7 @@ from splatbus_server import Semantics, View
 from splatbus_viewer.display import composed, srgb
 from splatbus_wire.messages import FrameCamera
 
-from tests.engines.built import compiled_cpp
+from tests.engines.built import CPP, compiled_cpp
 from tests.engines.stage import HEIGHT, WIDTH, serving
 
 WALL_DEPTH = 5.0
@@ -32,7 +32,8 @@ def gl_viewer() -> Path:
         if subprocess.run(line, capture_output=True).returncode:
             pytest.skip(f"{header} is not installed (Debian: libegl-dev libopengl-dev libgl-dev)")
     libraries = ("-lEGL", "-lOpenGL")
-    return compiled_cpp("programs/gl_viewer.cpp", options=("-O2",), libraries=libraries)
+    source = CPP / "programs" / "gl_viewer.cpp"
+    return compiled_cpp(source, options=("-O2",), libraries=libraries)
 
 
 def check_picture(

@@ -17,7 +17,7 @@ from splatbus_wire.errors import ProtocolError
 from splatbus_wire.json_text import parse_object
 
 from tests.csharp.compiled import FOLDER
-from tests.engines.built import CPP, Command, answers, built
+from tests.engines.built import CPP, Command, answers, built, compiled_cpp
 from tests.wire.payloads import edited, payload_of
 
 VECTORS = CHECKOUT / "spec" / "vectors"
@@ -29,6 +29,12 @@ WHOLE = (
     b'{"names":{"a":1,"b":2,"c":3,"d":4,"e":5,"f":6,"g":7,"h":8,"i":9,"j":10,"k":11,"l":12,'
     b'"m":13,"n":14,"o":15,"p":16,"q":17,"r":18}}',
 )
+
+
+@pytest.mark.parametrize("name", ["viewer", "adapter"])
+def test_each_cpp_program_has_what_it_needs(name: str) -> None:
+    """By itself: what the tests run has them in one, after that for the vectors."""
+    compiled_cpp(CPP / "programs" / f"{name}.cpp", options=["-fsyntax-only"])
 
 
 @pytest.mark.parametrize("file", sorted(VECTORS.glob("[!v]*.json")), ids=lambda each: each.stem)

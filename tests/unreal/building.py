@@ -1,13 +1,10 @@
 """Compiles the plugin against the stub, and writes the headers that Unreal's header tool would."""
 
 import re
-import shutil
-import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 
-import pytest
-
-from tests.engines.built import CHECKED, CPP
+from tests.engines.built import CHECKED, CPP, kept, texts
 
 UNREAL = CPP / "unreal"
 PLUGIN = UNREAL / "SplatBus"
@@ -15,7 +12,6 @@ MODULE = PLUGIN / "Source" / "SplatBus"
 SHADERS = PLUGIN / "Shaders" / "Private"
 STUB = Path(__file__).parent / "stub"
 DRIVER = Path(__file__).parent / "driver.cpp"
-COMPILER = "g++"
 LANGUAGE = ("-std=c++20", "-fno-exceptions", "-fno-rtti")
 WARNINGS = ("-Wall", "-Wextra", "-Wshadow", "-Werror")
 REFLECTED = re.compile(
@@ -44,25 +40,19 @@ def generated(header: Path) -> str | None:
     return f"#pragma once\n{COUNTED}public: using Super = {base}; {default} private:\n"
 
 
-def compiled(folder: Path, *line: str | Path) -> None:
-    """Run the compiler in the folder; a warning is an error."""
-    if not shutil.which(COMPILER):
-        pytest.skip(f"{COMPILER} is not installed")
+def compiled(name: str, source: str | Path, options: Sequence[str], folder: Path) -> Path:
+    """What the compiler makes of it in this folder; a warning is an error."""
     for each in headers():
         if (text := generated(each)) is not None:
             (folder / f"{each.stem}.generated.h").write_text(text, "utf-8")
-    places = (MODULE / "Public", MODULE / "Private", STUB, CPP / "include", folder)
-    head = [COMPILER, *LANGUAGE, *WARNINGS, "-pthread", *(f"-I{each}" for each in places)]
-    done = subprocess.run(
-        [*head, *map(str, line)], cwd=folder, capture_output=True, text=True, timeout=300
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    places = (MODULE / "Public", MODULE / "Private", STUB, CPP / "include", ".")
+    line = ["g++", *LANGUAGE, *WARNINGS, "-pthread", *(f"-I{each}" for each in places)]
+    of = [*texts(folder), *texts(STUB.parent), *texts(CPP)]
+    return kept(name, [*line, *options, str(source)], of, folder)
 
 
 def driver(folder: Path) -> Path:
     """The program that runs a view, all of it in one unit, as Unreal's build tool has it."""
-    everything = folder / "everything.cpp"
     text = "".join(f'#include "{each}"\n' for each in (*sources(), DRIVER))
-    everything.write_text(text, "utf-8")
-    compiled(folder, *CHECKED, everything, "-o", folder / "driver")
-    return folder / "driver"
+    (folder / "everything.cpp").write_text(text, "utf-8")
+    return compiled("unreal", "everything.cpp", CHECKED, folder)

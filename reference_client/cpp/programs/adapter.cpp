@@ -390,4 +390,5 @@ int main(int count, char** arguments) {
   adapter.greet();
   for (std::string line; std::getline(std::cin, line) && adapter.obey(std::move(line));) {
   }
+  return 0;
 }

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: MIT
+// The programs of the C++ client in one, since most of what each takes to compile is the client: the
+// first argument names one, and the others are its own.
+#include <cstdio>
+#include <string_view>
+
+#define main tests
+#include "tests/vectors.cpp"
+#undef main
+#define main viewer
+#include "programs/viewer.cpp"
+#undef main
+#define main adapter
+#include "programs/adapter.cpp"
+#undef main
+
+int main(int count, char** arguments) {
+  const std::string_view name = count > 1 ? arguments[1] : "";
+  if (name == "Tests") return tests(count - 1, arguments + 1);
+  if (name == "Viewer") return viewer(count - 1, arguments + 1);
+  if (name == "Adapter") return adapter(count - 1, arguments + 1);
+  return std::fputs("Tests, Viewer or Adapter, and its arguments\n", stderr), 2;
+}
