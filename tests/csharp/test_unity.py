@@ -27,9 +27,9 @@ from tests.waiting import eventually
 SHADERS = UNITY / "Runtime" / "Shaders"
 SHADER = SHADERS / "Resources" / "SplatBusComposite.shader"
 OFF_THE_MIDDLE = Intrinsics(50.0, 40.0, 20.0, 10.0)
-FRAMES = 750
-SMALL_NURSERY = {"MONO_GC_PARAMS": "nursery-size=16k"}
-"""Bytes of garbage after which the collector runs: one object of 24 a frame makes it run."""
+FRAMES = 3_000
+SMALL_NURSERY = {"MONO_GC_PARAMS": "nursery-size=64k"}
+"""Bytes of garbage after which the collector runs."""
 NEW_PATCH = re.compile(r"\d+\.\d+\.\d+")
 NO_MATRIX = 16 * [0]
 
