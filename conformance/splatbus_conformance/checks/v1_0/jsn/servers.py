@@ -161,6 +161,10 @@ def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
         trial.rest(0.0)
         _expect_alive(trial, sent)
         trial.delivered += 1
+    if trial.facts.welcome["ipc"] is not None and not connection.ended:
+        trial.viewer.greet(connection)
+        trial.is_welcomed(connection)  # or it is ended: the server has come to the last of them
+        _expect_alive(trial, sent)
     served = trial.serves()
     trial.judge("ignores" if served else "hangs", "broken payloads in a row")
     connection.close()

@@ -43,11 +43,12 @@ def server_plays_on(patch: Patch) -> None:
 
 @mutant("TIM-3", check="check_frames_tell_the_time_of_their_image", code="other-pixels")
 def server_tells_the_time_before(patch: Patch) -> None:
-    """Tells in each frame the time of the one before it."""
+    """Tells in each frame the time before the one that it shows."""
     former: list[Any] = []
 
     def before(frame: Json) -> Json:
-        former.append(frame["time"])
+        if frame["time"] not in former[-1:]:
+            former.append(frame["time"])
         return frame | {"time": former[-2:][0]}
 
     messages(patch, of_type("frame", before))
