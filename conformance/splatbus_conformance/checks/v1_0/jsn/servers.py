@@ -150,7 +150,8 @@ def check_survives_broken_payloads(trial: ServerTrial, case: Payload) -> None:
 def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     """The same, all of them on one IPC connection as long as that lasts."""
     connection, sent = trial.dial("ipc"), b""
-    listed = odd_payloads(hello(["host_shm"]))
+    good = hello(["host_shm"])
+    listed = odd_payloads(good)
     for _, payload in trial.each(listed, mangled(), kind=itemgetter(0), quick=60, full=1000):
         if connection.ended:
             _expect_alive(trial, sent)
@@ -162,7 +163,7 @@ def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
         _expect_alive(trial, sent)
         trial.delivered += 1
     if trial.facts.welcome["ipc"] is not None and not connection.ended:
-        trial.viewer.greet(connection)
+        connection.send(packet(encode(good)))
         trial.is_welcomed(connection)  # or it is ended: the server has come to the last of them
         _expect_alive(trial, sent)
     served = trial.serves()
