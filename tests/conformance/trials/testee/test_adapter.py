@@ -191,3 +191,10 @@ def test_the_schema_is_one():
 def test_the_example_is_short():
     example = PAGE.parents[1] / "reference_client" / "splatbus_viewer" / "adapter.py"
     assert len(example.read_text("utf-8").splitlines()) <= 160
+
+
+@pytest.mark.parametrize("spelled", ["Inf", "inf\n", "1", "", None, True])
+def test_a_colour_is_of_numbers_and_three_words(spelled):
+    schema = jsonschema.Draft202012Validator({**SCHEMA, "$ref": "#/$defs/colour4"})
+    assert schema.is_valid([0.5, "inf", "-inf", "nan"])
+    assert not schema.is_valid([0.5, 0.5, 0.5, spelled])

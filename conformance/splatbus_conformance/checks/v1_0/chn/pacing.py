@@ -34,7 +34,7 @@ IN_A_ROW = 6
 TIMES = 9
 """That a hot loop is there at once when a channel accepts again."""
 LATE_TIMES = 3
-"""That whoever pauses is there later; a hot loop that a busy machine delays may be so once."""
+"""That whoever pauses is there later; a hot loop that a busy machine delays may be so twice."""
 AT_ONCE_SECONDS = LEAST / 5
 """Whoever leaves LEAST between attempts is there so soon one time of five."""
 LONG_SECONDS = 4.0
