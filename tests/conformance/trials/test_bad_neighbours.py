@@ -25,16 +25,24 @@ class Pipe:
         self.sent += len(data)
 
 
+def trial_with_a_clock() -> SimpleNamespace:
+    """A trial whose testee could run for as long as was rested."""
+    rested: list[float] = []
+    return SimpleNamespace(rest=rested.append, peer=SimpleNamespace(clock=lambda: sum(rested)))
+
+
 def test_who_never_reads_asks_on_after_its_server_was_held_up() -> None:
     held_up = Pipe([*[True] * 10, *[False] * 20, *[True] * 10, *[False] * 20])
-    bad_neighbours._never_reads(SimpleNamespace(rest=lambda seconds: None), held_up)  # type: ignore[arg-type]
+    bad_neighbours._never_reads(trial_with_a_clock(), held_up)  # type: ignore[arg-type]
     assert held_up.taken >= bad_neighbours.UNREAD * len(bad_neighbours.REQUEST)
 
 
 def test_who_never_reads_stops_where_its_server_takes_nothing_more() -> None:
     stuck = Pipe([True, *[False] * 10_000])
-    bad_neighbours._never_reads(SimpleNamespace(rest=lambda seconds: None), stuck)  # type: ignore[arg-type]
-    assert len(stuck.takes) > 9000
+    trial = trial_with_a_clock()
+    bad_neighbours._never_reads(trial, stuck)  # type: ignore[arg-type]
+    assert stuck.taken < bad_neighbours.UNREAD * len(bad_neighbours.REQUEST)
+    assert trial.peer.clock() >= bad_neighbours.STUCK_SECONDS
 
 
 def test_many_poses_are_worked_off_before_others_are_looked_at() -> None:
