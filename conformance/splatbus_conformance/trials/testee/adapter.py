@@ -33,7 +33,7 @@ from splatbus_conformance.wire.secrets import hidden
 from splatbus_conformance.wire.sockets import Peer
 
 if TYPE_CHECKING:  # slow to import, and used where there is an adapter
-    from jsonschema import Draft202012Validator
+    from jsonschema_rs import Draft202012Validator
 
 ANSWER_SECONDS = 10.0
 GLANCE_SECONDS = 0.002
@@ -289,13 +289,13 @@ def _complaint(said: Json, name: str) -> str | None:
     error = next(_validator(name).iter_errors(said), None)
     if error is None:
         return None
-    where = "".join(f"/{step}" for step in error.absolute_path)
+    where = "".join(f"/{step}" for step in error.instance_path)
     return f"{where or 'it'}: {shorten(error.message)}"
 
 
 @cache
 def _validator(name: str) -> "Draft202012Validator":
-    from jsonschema import Draft202012Validator
+    from jsonschema_rs import Draft202012Validator
 
     return Draft202012Validator({**_schema(), "$ref": f"#/$defs/{name}"})
 

@@ -69,10 +69,10 @@ def test_an_adapter_is_started_again_after_its_end(start):
         ("say(GREETING)\n", "say([1, 2])\n", "its first line is no JSON object"),
         ("say(GREETING)\n", "sys.exit(3)\n", "ended with status 3 in place of its first line"),
         ("say(GREETING)\n", "raise OSError('no engine')\n", "OSError: no engine"),
-        ('"adapter": "1"', '"adapter": "2"', "/adapter: '1' was expected"),
-        ('"axes": "unity"', '"axes": "maya"', "/axes: 'maya' is not one of"),
+        ('"adapter": "1"', '"adapter": "2"', '/adapter: "1" was expected'),
+        ('"axes": "unity"', '"axes": "maya"', '/axes: "maya" is not one of'),
         ('"unitsPerMetre": 1', '"unitsPerMetre": 0', "/unitsPerMetre"),
-        ('"precision": "single",', "", "'precision' is a required property"),
+        ('"precision": "single",', "", '"precision" is a required property'),
         ('["start", "stop",', '["stop",', "/can"),
         ("print(json.dumps(message)", "print('NaN'", "in place of its first line, is no JSON"),
         (
@@ -93,7 +93,7 @@ def test_a_broken_first_line_is_the_adapters_fault(start, old, new, reason):
     [
         ('say({"id": number, **', 'say({"id": number + 1, **', "has the id 2, not 1"),
         ('say({"id": number, **', "say({**", "has the id None, not 1"),
-        ('"digest": {"seq": None}', '"digest": {}', "'seq' is a required property"),
+        ('"digest": {"seq": None}', '"digest": {}', '"seq" is a required property'),
         (
             '"digest": {"seq": None}',
             '"digest": {"seq": 1}',
@@ -102,7 +102,7 @@ def test_a_broken_first_line_is_the_adapters_fault(start, old, new, reason):
         (
             '"digest": {"seq": None}',
             '"digest": {"seq": 1, "color": "ab", "depth": None}',
-            "/color: 'ab' does not match",
+            '/color: "ab" does not match',
         ),
         ("if name not in NOTHING:", "if True:", "answered the error 'no command digest'"),
         ("    command = json", "    print('got it')\n    command = json", "no JSON: got it"),

@@ -75,7 +75,7 @@ def test_the_example_passes(try_it, example):
             "a command that nobody knows was not answered by an error",
         ),
         ("        break", "        sys.exit(7)", "after stop it ended with status 7"),
-        ('"init_packet": {"images": None}', '"init_packet": {}', "'images' is a required property"),
+        ('"init_packet": {"images": None}', '"init_packet": {}', '"images" is a required property'),
     ],
 )
 def test_a_broken_miniature_is_found_out(try_it, old, new, reason):
