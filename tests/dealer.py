@@ -22,6 +22,7 @@ from typing import Any
 
 import pytest
 from splatbus_conformance import guard
+from splatbus_conformance.selftest.processes.spare import LOOK_SECONDS, Spare
 
 from tests.durations import Durations
 from tests.keeper import Fate, Kept, abandoned, end, segments
@@ -35,7 +36,13 @@ BUDGET_SECONDS = 25.0
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """How many at a time."""
-    parser.addoption("--deal", type=int, metavar="N", default=0, help="deal to N processes")
+    parser.addoption(
+        "--deal",
+        type=int,
+        metavar="N",
+        default=0,
+        help="deal to N processes, and to twice as many while the machine has time",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -95,11 +102,13 @@ class Dealer:
         progress = Progress("tests", self.durations.expected(unit.name for unit in left))
         before = segments()
         self.folder = guard.folder("t")
+        deal: int = self.config.option.deal
+        spare = Spare(deal)  # for most of what is long waits
         gc.collect()
         gc.freeze()  # else each process copies what it only looks through
         try:
             while (left and not session.shouldfail) or self.running:
-                while left and len(self.running) < self.config.option.deal:
+                while left and len(self.running) < deal + spare.now():
                     self._start(left.pop(0))
                 self._hear(progress)
                 if told := progress.now([unit.name for unit in self.running.values()]):
@@ -157,7 +166,7 @@ class Dealer:
     def _hear(self, progress: Progress) -> None:
         ends = [kept.fate for kept in self.running]
         ends += [kept.said for kept, unit in self.running.items() if unit.speaks]
-        come = wait(ends, timeout=progress.PAUSE_SECONDS)
+        come = wait(ends, timeout=LOOK_SECONDS)
         for kept in [it for it in self.running if it.said in come or it.fate in come]:
             self._take_reports(kept)
             if kept.fate in come:

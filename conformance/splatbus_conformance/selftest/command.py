@@ -4,7 +4,7 @@ import argparse
 import math
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,12 +17,14 @@ from splatbus_conformance.selftest import judge, kill_matrix
 from splatbus_conformance.selftest.judge import GOOD, REFERENCE, SpecimenResult
 from splatbus_conformance.selftest.mutant import Variation
 from splatbus_conformance.selftest.processes import harnesses
+from splatbus_conformance.selftest.processes.spare import LOOK_SECONDS, Spare
 from splatbus_conformance.selftest.registry import groups, mutants, variations
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 
 CORES = os.cpu_count() or 1
-WHOLE, SELECTED = 7 * CORES, 4 * CORES
-"""At a time: runs of all checks, and beside them runs of one or two, which are over sooner."""
+WHOLE, SELECTED, MORE = 7 * CORES, 4 * CORES, 8 * CORES
+"""At a time: runs of all checks; beside them runs of one or two, which are over sooner; and of
+these so many more while the machine has time."""
 Trial = Callable[[], SpecimenResult]
 
 
@@ -78,20 +80,25 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
     seconds: dict[str, float] = read_json("durations.json")["specimens"]
     in_order = sorted(chosen, key=lambda name: -seconds.get(name, math.inf))
     selected = {mutant.name for mutant in mutants()}
-    pools = ThreadPoolExecutor(WHOLE), ThreadPoolExecutor(SELECTED)
+    left = {kind: [it for it in in_order if (it in selected) is kind] for kind in (False, True)}
+    running: dict[Future[SpecimenResult], bool] = {}
+    spare, done = Spare(MORE), 0
+    pool = ThreadPoolExecutor(WHOLE + SELECTED + MORE)
     try:
-        running = [pools[name in selected].submit(chosen[name]) for name in in_order]
-        with out.status(f"{len(running)} specimens"):
-            for done, future in enumerate(as_completed(running), 1):
-                row = future.result()
-                out.print(progress(row, done, len(running)), no_wrap=True, overflow="ellipsis")
-                yield row
+        with out.status(f"{len(chosen)} specimens"):
+            while done < len(chosen):
+                for kind, most in ((False, WHOLE), (True, SELECTED + spare.now())):
+                    while left[kind] and list(running.values()).count(kind) < most:
+                        running[pool.submit(chosen[left[kind].pop(0)])] = kind
+                for future in wait(running, LOOK_SECONDS, FIRST_COMPLETED).done:
+                    del running[future]
+                    row, done = future.result(), done + 1
+                    out.print(progress(row, done, len(chosen)), no_wrap=True, overflow="ellipsis")
+                    yield row
     finally:
-        for pool in pools:
-            pool.shutdown(wait=False, cancel_futures=True)
+        pool.shutdown(wait=False, cancel_futures=True)
         harnesses.stop_all()
-        for pool in pools:
-            pool.shutdown()
+        pool.shutdown()
 
 
 def members(
