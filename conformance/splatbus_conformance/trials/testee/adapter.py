@@ -286,7 +286,10 @@ def _require(said: Json, name: str, what: str) -> None:
 
 
 def _complaint(said: Json, name: str) -> str | None:
-    error = next(_validator(name).iter_errors(said), None)
+    try:
+        error = next(_validator(name).iter_errors(said), None)
+    except ValueError as unreadable:  # half of a surrogate pair, or nested too deep
+        return f"it cannot be read: {unreadable}"
     if error is None:
         return None
     where = "".join(f"/{step}" for step in error.instance_path)

@@ -94,6 +94,12 @@ def test_a_broken_first_line_is_the_adapters_fault(start, old, new, reason):
         ('say({"id": number, **', 'say({"id": number + 1, **', "has the id 2, not 1"),
         ('say({"id": number, **', "say({**", "has the id None, not 1"),
         ('"digest": {"seq": None}', '"digest": {}', '"seq" is a required property'),
+        ('"digest": {"seq": None}', '"digest": {"seq": "\\ud800"}', "surrogates not allowed"),
+        (
+            '"digest": {"seq": None}',
+            '"digest": {"seq": json.loads("[" * 400 + "]" * 400)}',
+            "Recursion limit",
+        ),
         (
             '"digest": {"seq": None}',
             '"digest": {"seq": 1}',
