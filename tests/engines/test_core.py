@@ -46,6 +46,13 @@ def test_vectors(file: Path, program: Command) -> None:
     assert numbers or cases
 
 
+def test_a_thread_that_waits_hears_what_is_said_while_it_wakes(program: Command) -> None:
+    done = subprocess.run(
+        [*program, "--wakes", "20000"], capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout == "heard\n", done.stdout + done.stderr
+
+
 @pytest.mark.parametrize(
     ("language", "file"),
     [

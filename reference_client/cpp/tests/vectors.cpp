@@ -4,7 +4,8 @@
 // whole, or by the bits of each number inside and the packet that our writer makes of it. With --frames
 // it reads so many images from the server that the environment names, and prints how often it allocated.
 // With --texts it says of each line whether its bytes are a text of 1 to 5 characters; with --open why
-// the memory of an init packet cannot be opened, or "open".
+// the memory of an init packet cannot be opened, or "open"; with --wakes whether a thread that waits
+// hears all that so many pairs of wakes tell it.
 #include "vectors.hpp"
 
 #include <atomic>
@@ -15,6 +16,7 @@
 #include <iostream>
 #include <iterator>
 #include <new>
+#include <thread>
 
 #include "splatbus/client.hpp"
 
@@ -141,6 +143,30 @@ int frame_loop(long frames) {
   return 0;
 }
 
+/// What is said in the middle of a wake has to be heard as well.
+int wake_twice(long pairs) {
+  using Clock = std::chrono::steady_clock;
+  sockets::Waiter waiter;
+  std::atomic<long> told{0}, heard{0};
+  std::thread sleeper([&] {
+    while (heard < 2 * pairs) waiter.wait(60), heard = told.load();
+  });
+  for (long pair = 0; pair < pairs; ++pair) {
+    ++told, waiter.wake();
+    const auto again = Clock::now() + std::chrono::nanoseconds(pair * 997 % 100'000);
+    while (Clock::now() < again) {
+    }
+    ++told, waiter.wake();
+    const auto limit = Clock::now() + std::chrono::seconds(20);
+    while (heard < told) {
+      if (Clock::now() > limit) return std::printf("lost after %ld\n", told.load()), std::fflush(stdout), std::_Exit(1), 1;
+      std::this_thread::yield();
+    }
+  }
+  sleeper.join();
+  return std::puts("heard") < 0;
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
@@ -154,6 +180,7 @@ int main(int count, char** arguments) {
     return 0;
   }
   if (count > 2 && std::string_view(arguments[1]) == "--frames") return frame_loop(std::atol(arguments[2]));
+  if (count > 2 && std::string_view(arguments[1]) == "--wakes") return wake_twice(std::atol(arguments[2]));
   if (count > 1) return try_file(arguments[1]);
   Json json(limits::max_server_values);
   for (std::string line; std::getline(std::cin, line);) answer(json, vectors::of_digits(line));

@@ -22,6 +22,7 @@ namespace SplatBus.Tests
         {
             if (arguments.Length == 0) return Answer();
             if (arguments[0] == "--frames") return FrameLoop.Run(int.Parse(arguments[1], CultureInfo.InvariantCulture));
+            if (arguments[0] == "--wakes") return Wakes.Run(int.Parse(arguments[1], CultureInfo.InvariantCulture));
             JsonValue file = new Json(10000000).Read(new ArraySegment<byte>(File.ReadAllBytes(arguments[0])));
             Spelt(file, "");
             int numbers = tried;

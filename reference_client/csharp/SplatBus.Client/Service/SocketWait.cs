@@ -66,9 +66,9 @@ namespace SplatBus
             int milliseconds = (int)Math.Ceiling(1000 * Math.Max(0, Math.Min(seconds, 60)));
             if (IsUnix) poll(unix, (UIntPtr)Sockets, milliseconds);
             else WSAPoll(windows, Sockets, milliseconds);
-            Interlocked.Exchange(ref isAwake, 0);
             SocketError error;
             while (waker.Receive(one, 0, 1, SocketFlags.None, out error) > 0) { }
+            Interlocked.Exchange(ref isAwake, 0); // not before: a wake between the two would be taken, and every later one lost
         }
 
         /// <summary>From any thread.</summary>

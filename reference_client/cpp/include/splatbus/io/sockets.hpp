@@ -165,10 +165,10 @@ class Waiter {
     const double milliseconds = std::ceil(1000 * std::clamp(seconds, 0.0, 60.0));
     sockets::wait(entries_.data(), entries_.size(), static_cast<int>(milliseconds));
     if (entries_[2].revents == 0) return;
-    is_awake_ = false;
     char one = 0;
     while (recv(waker_, &one, 1, 0) > 0) {
     }
+    is_awake_ = false;  // not before, or a wake between the two would be taken, and every later one be lost
   }
 
   /// From any thread.
