@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.rules import all_rules, sightings
@@ -103,18 +103,30 @@ def test_nobody_is_judged_by_what_binds_the_other_side(
 
 # Whatever crosses the wire
 
-MESSAGES = [
-    *(POSE, ASK_SIZE, ASK_CAMERA, SIZE, CAMERA, INIT, HOST_INIT, CUDA_INIT, ADDED),
-    *(hello(*ALL), hello(), welcome(*ALL), welcome(), frame(), error("busy")),
-    *(about_generation(kind) for kind in ("opened", "open_failed", "closed")),
-    *(about_generation("release", seq=1), {"type": "subscribe", "channels": ["color"]}),
-    *(error("unauthorized"), error("unsupported_version", supported=["2.0"])),
-    *(hello(*ALL_MSG), welcome(*ALL_MSG), {**POSE, "tag": "a", "intrinsics": INTRINSICS}),
-    *(OBJECT_POSE, {"type": "set_time", "time": 1.5}, SCENE, PONG, TELEMETRY),
-    *({"type": "get_scene", "id": 1}, {"type": "set_viewport", "width": 64, "height": 48}),
-    *({"type": "ping", "t": 0.5}, {"type": "subscribe_telemetry", "names": ["render_ms"]}),
-    {**frame(2), "objects": [{"object": "chair", **CAMERA, "scale": 0.5}]},
-]
+SAID = {
+    (client, "ipc"): [
+        *(hello(*ALL), hello(), {"type": "subscribe", "channels": ["color"]}),
+        *(about_generation(kind) for kind in ("opened", "open_failed", "closed")),
+        about_generation("release", seq=1),
+    ],
+    (client, "msg"): [
+        *(hello(*ALL_MSG), POSE, {**POSE, "tag": "a", "intrinsics": INTRINSICS}, OBJECT_POSE),
+        *(ASK_SIZE, ASK_CAMERA, {"type": "get_scene"}, {"type": "ping", "t": 0.5}),
+        *({"type": "set_time", "time": 1.5}, {"type": "set_viewport", "width": 64, "height": 48}),
+        *({"type": "subscribe_telemetry", "names": names} for names in (["render_ms"], [], None)),
+    ],
+    (server, "ipc"): [
+        *(welcome(*ALL), welcome(), INIT, HOST_INIT, CUDA_INIT, ADDED, frame(), error("busy")),
+        {**frame(2), "objects": [{"object": "chair", **CAMERA, "scale": 0.5}]},
+    ],
+    (server, "msg"): [
+        *(welcome(*ALL_MSG), SIZE, CAMERA, SCENE, PONG, TELEMETRY),
+        *({**SIZE, "type": "viewport_size"}, {**CAMERA, "type": "camera_pose"}, error("busy")),
+        *(error("unauthorized"), error("unsupported_version", supported=["2.0"])),
+    ],
+}
+"""By whom, and on which channel."""
+MESSAGES = [message for messages in SAID.values() for message in messages]
 SCALARS = (
     st.none()
     | st.booleans()
@@ -171,8 +183,30 @@ def entries(draw: st.DrawFn) -> Entry:
     return Entry(t, channel, conn, direction, draw(STREAMS))
 
 
-@settings(deadline=None, max_examples=150)
-@given(st.lists(entries(), max_size=12))
+@st.composite
+def sessions(draw: st.DrawFn) -> list[Entry]:
+    """A long talk on one connection of some kinds of messages, in any order; ids repeat."""
+    channel: Channel = draw(st.sampled_from(["ipc", "msg"]))
+    names = ALL_MSG if channel == "msg" else ALL
+    kinds = [(by, it) for by in (client, server) for it in SAID[by, channel]]
+    some = draw(st.lists(st.sampled_from(kinds), min_size=2, max_size=6))
+    ids = st.sampled_from([{}, {"id": 1}, {"id": 2}])
+    said = draw(st.lists(st.tuples(st.sampled_from(some), ids), min_size=10, max_size=40))
+    steps = (by(message | id_) for (by, message), id_ in said)
+    return talk(channel, client(hello(*names)), server(welcome(*names)), *steps)
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.lists(entries(), max_size=12) | sessions())
+@example(
+    talk(
+        "msg",
+        *(client(hello(*ALL_MSG)), server(welcome(*ALL_MSG))),
+        *(client({"type": "subscribe_telemetry", "names": []}), client({**ASK_SIZE, "id": 1})),
+        *(client({"type": "subscribe_telemetry", "names": []}), client({**ASK_SIZE, "id": 2})),
+        *(server({**SIZE, "type": "viewport_size", "id": n}) for n in (2, 1)),
+    )
+)
 def test_no_rule_ever_raises_and_none_judges_a_peer_that_is_not_bound(found: list[Entry]) -> None:
     known = requirements("1.1")
     for sighting in sightings(found):

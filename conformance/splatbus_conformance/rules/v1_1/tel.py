@@ -69,8 +69,9 @@ def only_what_was_asked_for(conversation: Conversation) -> Iterator[Sighting]:
             asked_for = None if names is None else frozenset(names)
             possible.append((message.packet.offset, asked_for))
         elif message.sender == "server" and message.packet.offset in questions:
-            arrived = [o for o, _ in possible if o < questions[message.packet.offset]]
-            possible = [each for each in possible if each[0] >= arrived[-1]]
+            asked = questions[message.packet.offset]
+            newest = max((offset for offset, _ in possible if offset < asked), default=-1)
+            possible = [each for each in possible if each[0] >= newest]
         elif message.kind == "telemetry" and hello is not None:
             wrong = _unwanted(message, possible)
             if "telemetry" not in (capabilities(welcome) or ()):
