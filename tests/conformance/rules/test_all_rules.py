@@ -111,7 +111,7 @@ SAID = {
     ],
     (client, "msg"): [
         *(hello(*ALL_MSG), POSE, {**POSE, "tag": "a", "intrinsics": INTRINSICS}, OBJECT_POSE),
-        *(ASK_SIZE, ASK_CAMERA, {"type": "get_scene"}, {"type": "ping", "t": 0.5}),
+        *(ASK_SIZE, ASK_CAMERA, {"type": "get_scene", "id": 1}, {"type": "ping", "t": 0.5}),
         *({"type": "set_time", "time": 1.5}, {"type": "set_viewport", "width": 64, "height": 48}),
         *({"type": "subscribe_telemetry", "names": names} for names in (["render_ms"], [], None)),
     ],

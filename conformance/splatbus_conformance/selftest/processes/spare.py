@@ -26,10 +26,10 @@ class Spare:
     def now(self) -> int:
         """How many, to be asked again and again."""
         if time.monotonic() >= self._then + LOOK_SECONDS:
-            idle, all_ = (b - a for a, b in zip(self._before, _ticks(), strict=True))
+            before, self._then, self._before = self._before, time.monotonic(), _ticks()
+            idle, all_ = (now - then for now, then in zip(self._before, before, strict=True))
             step = 1 if idle > SPARE * all_ else -1
             self._more = min(max(0, self._more + step), self._most)
-            self._then, self._before = time.monotonic(), _ticks()
         return self._more
 
 
