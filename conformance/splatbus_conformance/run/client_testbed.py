@@ -111,7 +111,9 @@ class ClientTestbed:
     def _role(self) -> ScriptedServer:
         plan = self.plan
         arrangement = rings.drawn(plan.seed)
-        return ScriptedServer(self._memory, *plan.viewport, _slots(plan), plan.seed, arrangement)
+        role = ScriptedServer(self._memory, *plan.viewport, _slots(plan), plan.seed, arrangement)
+        role.gives_sizes = self.facts.takes_sizes
+        return role
 
 
 def _listening(plan: Plan) -> Peer:

@@ -34,7 +34,7 @@ def goes_on_with(trial: "ClientTrial", connection: Connection) -> bool:
     dealings = role.with_(connection)
 
     def greeted() -> bool:
-        return bool(dealings.welcome or (dealings.hello and not role.welcomes))
+        return bool(dealings.welcome or (dealings.hello and not role.greets))
 
     trial.wait(lambda: greeted() or connection.ended)
     if not (greeted() and dealings.welcome and trial.facts.opens):
@@ -75,8 +75,7 @@ def _answer_until_it_ends(trial: "ClientTrial", probe: Connection) -> None:
     def ends() -> bool:
         nonlocal answered
         for request in heard[answered:] if not trial.role.replies else ():
-            if answer := trial.role.answer(probe, request):
-                trial.role.say(probe, answer)
+            trial.role.reply(probe, request)
         answered = len(heard)
         return probe.ended is not None
 

@@ -141,6 +141,9 @@ class ScriptedServer:
         """Until then sizes are told as [0,0] (REQ-4), and nothing is lent."""
         self.viewpoint: Viewpoint | None = None
         self.replies = True
+        self.gives_sizes = True
+        """No size that the testee asked for had to be refused: one that closes over an error would
+        close for good."""
         self.spoil: Callable[[Json], Json] = lambda reply: reply
         """Changes replies before they are sent; a check may break them."""
         self.encode: dict[Channel, Callable[[Json], bytes]] = dict.fromkeys(
@@ -172,6 +175,11 @@ class ScriptedServer:
             self.dealings[connection] = ServedConnection(drawn=Random(f"frames {self._seed}"))
         return self.dealings[connection]
 
+    @property
+    def greets(self) -> bool:
+        """Whether it answers `hello`."""
+        return self.welcomes and self.speaks != "1.0"
+
     def is_given_up(self) -> bool:
         """Whether a client has closed a connection on which it had made a request."""
         left = (d for c, d in self.dealings.items() if c.channel == "msg" and c.open and c.ended)
@@ -196,8 +204,8 @@ class ScriptedServer:
             dealings.hello = message
             self.welcome_whoever_waits(connection)
         elif connection.channel == "msg":
-            if self.replies and (answer := self.answer(connection, message)):
-                self.say(connection, answer)
+            if self.replies and (dealings.welcome or not dealings.hello or self.speaks == "1.0"):
+                self.reply(connection, message)
             self._on_msg(connection, dealings, message)
         else:
             self._on_ipc(connection, dealings, message)
@@ -205,7 +213,7 @@ class ScriptedServer:
     def welcome_whoever_waits(self, connection: Connection) -> None:
         """Answer a `hello`, also one that came while welcomes were withheld, and are no longer."""
         dealings = self.with_(connection)
-        if dealings.hello and not dealings.welcome and self.speaks != "1.0" and self.welcomes:
+        if dealings.hello and not dealings.welcome and self.greets:
             self.welcome(connection)
 
     def welcome(self, connection: Connection, **changes: object) -> None:
@@ -217,8 +225,14 @@ class ScriptedServer:
         if connection.channel == "ipc" and self.ring:
             others = [it for it in dealings.welcome["capabilities"] if it != "host_shm"]
             dealings.welcome["capabilities"] = [kind, *others] if kind in offered else others
+        if not (self.gives_sizes and self._may_resize):
+            dealings.welcome["capabilities"] = [
+                it for it in dealings.welcome["capabilities"] if it != "viewport"
+            ]
         dealings.welcome |= changes
         self.say(connection, dealings.welcome)
+        for message in dealings.heard if connection.channel == "msg" and self.replies else ():
+            self.reply(connection, message)  # what came meanwhile has waited for it [NEG-6]
         if connection.channel == "ipc" and self.offers_memory and kind in offered:
             self.offer(connection, self.init_packet(connection))
 
@@ -321,12 +335,15 @@ class ScriptedServer:
         dealings = self.with_(connection)
         typed = dealings.welcome is not None
         if typed and request.get("type") == "set_viewport" and (code := self._resize(request)):
+            self.gives_sizes = False
             return messages.error(code, **{"id": request["id"]} if "id" in request else {})
         lens = "intrinsics" in dealings.granted
         width, height = (self.width, self.height) if self.has_image else (0, 0)
         reply = messages.reply(request, typed=typed, width=width, height=height, lens=lens)
         if reply and "intrinsics" in reply:
             reply["intrinsics"] = self.lens
+        if reply and "timeRange" in reply and connection.number % 2:
+            reply["timeRange"] = [reply["timeRange"][1]] * 2
         return reply and self.spoil(reply)
 
     def tell(self, connection: Connection, *more: Json) -> None:
@@ -340,9 +357,19 @@ class ScriptedServer:
         if message["series"]:
             self.say(connection, message)
 
+    def reply(self, connection: Connection, message: Json) -> None:
+        """Answer what the testee said, if it is a request."""
+        if answer := self.answer(connection, message):
+            self.say(connection, answer)
+
     def say(self, connection: Connection, message: Json) -> None:
         """Send a message."""
         connection.send(packet(self.encode[connection.channel](message)))
+
+    @property
+    def _may_resize(self) -> bool:
+        """Elsewhere a check decides on sizes."""
+        return self.ring is None and self.offers_memory and self.lends_frames
 
     def _resize(self, request: Json) -> str | None:
         """Have images of another size; the code of an `error` if that cannot be."""
@@ -353,8 +380,7 @@ class ScriptedServer:
         if width is None or height is None:
             return "invalid_message"
         fits = self.ring_bytes(width, height) <= self.memory.size
-        room = fits and self.ring is None
-        if not (room and self.offers_memory and self.lends_frames):  # else a check decides on sizes
+        if not (fits and self._may_resize):
             return "unsupported"
         if any("reinit" not in dealings.granted for dealings in readers.values()):
             return "unsupported"

@@ -139,8 +139,7 @@ class ServerTrial(Trial):
 
     def commanding(self, **changes: object) -> Connection:
         """A new message connection that was given `welcome`, from which `move` poses the camera."""
-        self._mover = self.greeted("msg", **changes)
-        return self._mover
+        return self._command_from(self.greeted("msg", **changes))
 
     def outcome(self, connection: Connection, *scripts: bytes) -> str:
         """What becomes of scripts on a connection of either channel, by that channel's control."""
@@ -218,8 +217,8 @@ class ServerTrial(Trial):
 
     def judge(self, outcome: str, what: str) -> None:
         """The same; who had to say hello may be told by an `error` what is ignored."""
-        acceptable = self.requirement.acceptable
-        if outcome == "reports" and self.viewer.token is not None and outcome not in acceptable:
+        acceptable, says_hello = self.requirement.acceptable, self.viewer.token or self.facts.plays
+        if outcome == "reports" and says_hello and outcome not in acceptable:
             outcome = "ignores"
         super().judge(outcome, what)
 
@@ -364,15 +363,27 @@ class ServerTrial(Trial):
     def mover(self) -> Connection:
         """The connection from which `move` poses."""
         if self._mover is None or self._mover.gone:
-            self._mover = self.dial("msg")
-            self.viewer.say(self._mover, camera_pose(kind="point_cloud_pose"))
+            plays = self.facts.plays
+            mover = self.greeted("msg", capabilities=["time"]) if plays else self.dial("msg")
+            self.viewer.say(mover, camera_pose(kind="point_cloud_pose"))
+            return self._command_from(mover)
         return self._mover
 
     def pass_control(self, connection: Connection) -> None:
-        """Pose from this connection from now on; that from which `move` has posed is closed."""
+        """Pose from this connection from now on; that from which `move` has posed is closed.
+
+        A scene that plays is stopped at the time of its first image, where that was granted: what
+        is seen of two poses can be compared then (TIM-2).
+        """
         if self._mover is not None:
             self._mover.close()
-        self._mover = connection
+        self._command_from(connection)
+
+    def _command_from(self, connection: Connection) -> Connection:
+        self._mover, first = connection, self.facts.first
+        if self.facts.plays and first and "time" in self.viewer.with_(connection).granted:
+            self.viewer.say(connection, {"type": "set_time", "time": first.frame["time"]})
+        return connection
 
     def sees(
         self, connection: Connection, pose: Json, seconds: float = EFFECT_SECONDS

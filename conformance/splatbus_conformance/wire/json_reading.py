@@ -171,15 +171,16 @@ def _read_closely(payload: bytes) -> ReadPayload:
 
 def too_many(payload: bytes, value: dict[str, Any], most: int) -> tuple[PayloadFault, ...]:
     """Counted only where so many bytes can hold more values than there may be."""
-    if len(payload) <= 2 * most or (count := _values(value)) <= most:
+    if len(payload) <= 2 * most or (count := values(value)) <= most:
         return ()
     text = f"{count:,} values, {most:,} are allowed"
     return (PayloadFault("JSN-12", "too-many-values", text),)
 
 
-def _values(value: Any) -> int:
+def values(value: Any) -> int:
+    """How many values a JSON value is, itself and all inside of it (JSN-12)."""
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return 1 + sum(map(_values, inner))
+    return 1 + sum(map(values, inner))
 
 
 def _strings(value: Any) -> Iterator[str]:

@@ -33,6 +33,18 @@ ADDED_MEMBERS = {
     "get_camera_pose": ("id",),
 }
 """What 1.1 adds to messages of 1.0."""
+
+
+def newer(message: dict[str, Any]) -> set[str]:
+    """What 1.0 does not define of a client's message on the message channel, `hello` aside: its
+    type, or members of it.
+    """
+    kind = str(message.get("type"))
+    if kind not in (*CLIENT_1_0, "hello"):
+        return {kind}
+    return message.keys() & set(ADDED_MEMBERS.get(kind, ()))
+
+
 SERVER_1_1 = ("welcome", "error", "frame", "telemetry")
 CAPABILITIES = {
     "ipc": ("host_shm", "cuda_ipc", "frames", "reinit", "subscribe"),

@@ -12,7 +12,7 @@ from splatbus_conformance.cases.valid.unknown_members import (
     with_unknown_members,
 )
 from splatbus_conformance.wire import messages
-from splatbus_conformance.wire.json_reading import nesting, read
+from splatbus_conformance.wire.json_reading import nesting, read, values
 from splatbus_schemas import LIMITS
 from splatbus_schemas.validation import violations
 
@@ -58,7 +58,8 @@ def test_no_name_is_added_that_means_something_there(seed):
 
 @pytest.mark.parametrize("name", MESSAGES)
 def test_members_before_and_behind_mislead_a_search_of_the_text(name):
-    between = between_unknown_members(MESSAGES[name])
+    between = between_unknown_members(MESSAGES[name], 4096)
+    assert values(between) == 4096
     assert knows(between, MESSAGES[name])
     assert not violations(between, name, "1.1")
     places = list(between)

@@ -118,6 +118,14 @@ def _pitches() -> Iterator[BrokenInitPacket]:
     for member, pitch in (("pitchColor", 16 * WIDTH), ("pitchDepth", 4 * WIDTH)):
         wrong = (pitch + 16, pitch - 16, 2 * pitch, 0, -pitch, pitch + 0.5, str(pitch))
         yield from _each("INI-4", f"meta/{member}", (*wrong, *NO_NUMBERS))
+    for channel, pitch in (("color", 16 * WIDTH), ("depth", 4 * WIDTH)):
+        padded = pitch + 16
+        room = {f"ring/{channel}Stride": padded * HEIGHT, "ring/depthOffset": ROOM // 2}
+        yield BrokenInitPacket(
+            "INI-4",
+            {f"meta/pitch{channel.title()}": padded, **room, "memory/bytes": ROOM},
+            how=f"padded rows of {channel}, and room for them",
+        )
 
 
 def _offsets() -> Iterator[BrokenInitPacket]:

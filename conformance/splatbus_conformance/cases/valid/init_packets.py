@@ -56,7 +56,7 @@ SEMANTICS: tuple[dict[str, Any], ...] = (
     {"semantics/alpha": "premultiplied"},
     {"semantics/colorSpace": "linear"},
     {"semantics/depth/kind": "ray_distance"},
-    {"semantics/depth/estimator": "harmonic", "semantics/depth/empty": 100.0},
+    {"semantics/depth/estimator": "harmonic", "semantics/depth/empty": 0.1},
     {"semantics/depth/estimator": "median", "semantics/depth/empty": 0},
     {"semantics/unitMetres": 0.01, "semantics/origin": [1e6, -2.5, 3]},
 )

@@ -7,6 +7,8 @@ from typing import Any
 
 from splatbus_schemas import LIMITS, VERSIONS, names, schema
 
+from splatbus_conformance.wire.json_reading import values
+
 ODD_NAMES = (
     *("", " ", "x-later", "W", "meta ", "__proto__", "constructor", "$ref", "null", "0"),
     *("é", "🙂", "\u202e", "\x00", '"', "\\", "a/b~c", "n" * 1000),
@@ -29,13 +31,14 @@ def with_unknown_members(message: dict[str, Any], random: Random) -> dict[str, A
     return fuller
 
 
-def between_unknown_members(message: dict[str, Any]) -> dict[str, Any]:
+def between_unknown_members(message: dict[str, Any], most: int) -> dict[str, Any]:
     """A copy of `message` between members that mislead whoever looks for the first, or the last,
-    bracket or name in the text.
+    bracket or name in the text; it has so many values as `most` says (JSN-12).
     """
-    stranger: list[Any] = [None, [], {}, "}"]
-    before = {"": stranger, "decoy": _decoy(message)}
-    return {**before, **message, "decoy of it": _decoy(message), "x-later": stranger}
+    before = {"": [None, [], {}, "}"], "decoy": _decoy(message)}
+    fuller = {**before, **message, "decoy of it": _decoy(message), "x-later": []}
+    fuller["x-later"] += [0] * (most - values(fuller))
+    return fuller
 
 
 def nested(depth: int) -> Any:

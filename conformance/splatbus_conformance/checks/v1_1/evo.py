@@ -8,7 +8,7 @@ from splatbus_conformance.checks import (
     SERVER_MSG,
     check,
 )
-from splatbus_conformance.checks.v1_1.neg.clients import declared
+from splatbus_conformance.checks.v1_1.neg.clients import declared, judge_agreement
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import within
@@ -61,18 +61,16 @@ def check_speaks_with_later_versions(trial: ClientTrial | ServerTrial, channel: 
 
 def _reads_a_later_server(trial: ClientTrial, channel: Channel) -> None:
     role = trial.role
-    role.welcomes = role.lends_frames = False
+    role.welcomes, role.lends_frames = False, channel == "msg"
     role.encode[channel] = writes_later
     connection = trial.connection(channel)
     trial.says_hello(connection)
     real = trial.facts.capabilities() if channel == "ipc" else declared(trial)
-    role.say(connection, MARKER)
     role.welcome(connection, capabilities=[CAPABILITY, *real])
     role.say(connection, MARKER)
     what = f"a server of version {VERSION} on the {WORDS[channel]} channel"
     if channel == "msg":
-        outcome = trial.outcome_on_msg(connection)
-        trial.judge("accepts" if outcome == "ignores" else outcome, what)
+        judge_agreement(trial, connection, what)
         return
     trial.expect(trial.opens(connection), "not-opened", f"{what}: its memory was not opened")
     for _ in range(3 if "frames" in real else 0):

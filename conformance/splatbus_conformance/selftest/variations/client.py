@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from splatbus_client import steering
 from splatbus_client.channel import Channel
-from splatbus_client.events import Ignored, MustClose
+from splatbus_client.events import Ignored, MustClose, Refused, ServerError
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
@@ -324,3 +324,18 @@ def ends_with_its_server(patch: Patch) -> None:
             os._exit(0)
 
     client.LOSES_CONNECTION.wrap(patch, lose)
+
+
+@variation()
+def closes_after_every_error(patch: Patch) -> None:
+    """Closes the connection after any `error`, and on a `welcome` that comes too late."""
+
+    def closing(original: Any, *arguments: Any) -> Any:
+        for event in original(*arguments):
+            yield event
+            late = isinstance(event, Ignored) and "NEG-40" in event.reason
+            if late or isinstance(event, (ServerError, Refused)):
+                yield MustClose("it had enough")
+
+    client.TAKES_PAYLOAD_ON_IPC.wrap(patch, closing)
+    client.TAKES_PAYLOAD.wrap(patch, closing)

@@ -38,6 +38,8 @@ def says_little(patch: Patch) -> None:
 
 @together(
     client.closes_on_what_is_broken,
+    client.closes_after_every_error,
+    client.insists_on_another_size,
     client.comes_back_at_an_even_pace,
     client.closes_on_frames_of_unknown_memory,
     client.closes_on_a_frame_that_it_cannot_use,

@@ -189,8 +189,8 @@ def server_tells_no_size_at_first(patch: Patch) -> None:
 
 @variation()
 def server_turns_its_scene(patch: Patch) -> None:
-    """Turns the scene by itself, so that each image differs from the one before."""
-    _renders(patch, 60.0, 20.0)
+    """Turns the scene by itself, a little from each image to the next."""
+    _renders(patch, 60.0, 0.3)
 
 
 @variation()

@@ -17,7 +17,7 @@ from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.trials.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import texts, within
-from splatbus_conformance.wire.message_kinds import POSES, REQUESTS, REQUESTS_1_0
+from splatbus_conformance.wire.message_kinds import POSES, REQUESTS, REQUESTS_1_0, newer
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.recording import WORDS, Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection, Peer
@@ -48,6 +48,10 @@ class ClientFacts:
     """Types of the requests that it makes when it connects."""
     says: set[str] = field(default_factory=set)
     """Types of all that it sends when it connects."""
+    says_more: bool = False
+    """On each new message connection it says what 1.0 does not define, once that was agreed on."""
+    takes_sizes: bool = True
+    """Images of every size that it asks for can be given."""
     poses: bool = False
     """It sends poses unasked."""
     opens: bool = False
@@ -216,6 +220,9 @@ def _both(first: ClientFacts, second: ClientFacts) -> ClientFacts:
         opens=first.opens or second.opens,
         returns=first.returns | second.returns,
         asks_again=first.asks_again or second.asks_again,
+        says_more=first.says_more or second.says_more,
+        takes_sizes=first.takes_sizes and second.takes_sizes,
+        leaves=first.leaves or second.leaves,
         start_seconds=max(first.start_seconds, second.start_seconds),
         memory_seconds=max(first.memory_seconds, second.memory_seconds),
         slowest_answer=max(first.slowest_answer, second.slowest_answer),
@@ -256,12 +263,18 @@ def _meet(peer: Peer, role: ScriptedServer, testee: Testee, patience: float) -> 
     ended = testee.ended()
     facts.leaves = ended is not None and not ended.crashed
 
-    def asks_again() -> bool:
-        later = _shown([c for c in peer.connections if c not in met], role)
-        return bool(facts.asks) and later.asks >= facts.asks
+    def later() -> ClientFacts:
+        return _shown([c for c in peer.connections if c not in met], role)
 
-    if facts.asks and "msg" in facts.returns:
-        facts.asks_again = peer.until(asks_again, max(settle, facts.effect_seconds / 2))
+    def says_it_again() -> bool:
+        return later().asks >= facts.asks and later().says_more >= facts.says_more
+
+    if "msg" in facts.returns:
+        if facts.asks or facts.says_more:
+            peer.until(says_it_again, max(settle, facts.effect_seconds / 2))
+        facts.asks_again = bool(facts.asks) and later().asks >= facts.asks
+    facts.says_more = later().says_more
+    facts.takes_sizes = role.gives_sizes
     peer.pump(TRIAL_SETTLE_SECONDS)
     return facts
 
@@ -318,6 +331,7 @@ def _shown(connections: Sequence[Connection], role: ScriptedServer) -> ClientFac
         if connection.channel == "msg":
             facts.asks |= kinds & set(REQUESTS)
             facts.poses = facts.poses or bool(kinds & set(POSES))
+            facts.says_more = facts.says_more or any(map(newer, dealings.heard))
         facts.opens = facts.opens or bool(dealings.opened)
     return facts
 

@@ -27,6 +27,7 @@ AT_ONCE_SECONDS = 0.5
 GONE_SECONDS = 0.05
 """Until a server has noticed that a connection was closed, and has room for the next."""
 FRAME_SECONDS = 5.0
+PLAYING_SECONDS = 0.5
 WHOLE_SECONDS = 0.1
 """Time for the first image to be whole, should it not be when its frame comes (IMG-6)."""
 DEFAULT, BALL = "default", "ball"
@@ -62,6 +63,8 @@ class ServerFacts:
     """That image is of the scene of `conformance/SCENE.md`."""
     scene: Json | None = None
     """The reply to `get_scene`."""
+    plays: bool = False
+    """The time of its scene goes by until a client sets it."""
     errs: bool = False
     """It answered a `hello` by an `error` that only who speaks 1.1 has."""
     unauthorized: bool = False
@@ -154,6 +157,8 @@ class ServerFacts:
             known, why = self.renders, "sent no frame"
         elif kind == "pixels":
             known, why = self.first is not None, "shows no image that can be read here"
+            if self.plays and "time" not in self.capabilities("msg"):
+                known, why = False, "shows a scene that plays, and nobody may set its time"
         elif kind == "scene":
             known, why = self.scene_known, "does not show the scene of conformance/SCENE.md"
         elif kind == "cuda" and self.guarded:
@@ -199,6 +204,7 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
         told = viewer.with_(later).init_packets if later is not None else []
         facts.at_once = bool(told)
         facts.init_packet = facts.init_packet or next(iter(told), None)
+    facts.plays = _plays(peer, viewer, facts)
     if facts.first is not None:
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     is_open = viewer.token is not None and any(facts.welcome.values()) and not facts.guarded
@@ -322,6 +328,17 @@ def _first(dealings: DialledConnection) -> CapturedFrame | None:
     if dealings.memory is None or not dealings.frames:
         return None
     return photograph_of(dealings.frames[0], dealings.memory, dealings.init_packets[-1])
+
+
+def _plays(peer: Peer, viewer: ScriptedClient, facts: ServerFacts) -> bool:
+    """Whether an image of another time comes to who holds the first one, and gives it back."""
+    readers = [it for it in peer.connections if viewer.with_(it).held]
+    if not readers or facts.first is None or (facts.scene and facts.time_range() is None):
+        return False
+    frames = viewer.with_(readers[-1]).frames
+    viewer.release(readers[-1], frames[-1])
+    peer.until(lambda: frames[1:] or readers[-1].ended, PLAYING_SECONDS)
+    return frames[-1].get("time") != facts.first.frame.get("time")
 
 
 def _scene(dealings: DialledConnection) -> Json | None:

@@ -282,7 +282,7 @@ def _misunderstood(
 
 def _planar(depth: float, place: Place, lender: FrameLender, semantics: Json) -> float:
     """The planar depth of a pixel: +∞ where it is empty."""
-    if depth == float(semantics["depth"]["empty"]):
+    if depth == np.float32(semantics["depth"]["empty"]):
         return math.inf
     fx, fy, cx, cy = (lender.lens[name] for name in ("fx", "fy", "cx", "cy"))
     x, y = (place[0] + 0.5 - cx) / fx, (place[1] + 0.5 - cy) / fy

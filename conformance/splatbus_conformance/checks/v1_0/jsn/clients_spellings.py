@@ -5,6 +5,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 
+from splatbus_schemas import LIMITS
+
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT
 from splatbus_conformance.checks.v1_0.jsn.writers import Writer, noting
 from splatbus_conformance.checks.v1_0.req.clients import (
@@ -21,7 +23,8 @@ from splatbus_conformance.wire.json_reading import shorten
 
 Judge = Callable[[Writer], None]
 """Judges whether what this writes is read."""
-ODDLY_NAMED = {"name": ODD_TEXT, "version": ODD_TEXT[::-1]}
+ODD_NAME = (ODD_TEXT * LIMITS["max_name_chars"])[: LIMITS["max_name_chars"]]
+ODDLY_NAMED = {"name": ODD_NAME, "version": ODD_NAME[::-1]}
 ROWS_ON_A_CONNECTION = 10
 AT_ONCE = 8
 """Init packets in a row."""

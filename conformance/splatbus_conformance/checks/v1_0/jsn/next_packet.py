@@ -87,7 +87,6 @@ def check_handles_the_next_packet(
     texts = b"".join(packet(text.payload) for text in row)
     if isinstance(trial, ClientTrial) and channel == "msg":
         trial.role.welcomes = False
-        trial.role.replies = False  # who has a reply takes the server for one of 1.0 [NEG-13]
         if trial.number == 0 and _outcome_of_welcome(trial) == "ignores":
             trial.not_observable("the testee does not close on a version that it did not list")
         judge(row, _outcome_of_welcome(trial, texts))

@@ -99,7 +99,7 @@ def check_ignores_unknown_members(trial: Trial, channel: Channel, judge: Judge, 
     """The same messages with unknown members at every level: odd names, names from other levels,
     values nested to the limit, a decoy of the message itself.
     """
-    judge(unknown_members(seed))
+    judge(unknown_members(trial, seed))
 
 
 SHOWN = "a frame shows the camera of a pose that is written so"
@@ -114,7 +114,7 @@ def check_takes_any_spelling_of_poses(trial: ServerTrial, judge: Judge, case: Sp
 @check("JSN-7", observable=SHOWN, needs=("frames",), given=of_poses, cases=with_others(30, 1000))
 def check_ignores_unknown_members_of_poses(trial: ServerTrial, judge: Judge, seed: int) -> None:
     """The same of poses, at every level."""
-    judge(unknown_members(seed))
+    judge(unknown_members(trial, seed))
 
 
 def reading_once(trial: ClientTrial, channel: Channel) -> AbstractContextManager[Judge]:

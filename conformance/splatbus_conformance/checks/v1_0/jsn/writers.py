@@ -14,6 +14,8 @@ from splatbus_conformance.cases.valid.unknown_members import (
 )
 from splatbus_conformance.checks import Cases
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.trial import Trial
+from splatbus_conformance.wire.conversation import MOST_VALUES
 from splatbus_conformance.wire.messages import Json, encode
 
 Writer = Callable[[Json], bytes]
@@ -26,7 +28,7 @@ MOST_OFTEN_ALL = ALL | st.sampled_from(
 )
 """Liberties to take."""
 AROUND = -1
-"""In place of a seed: the unknown members stand before and behind the others."""
+"""In place of a seed: unknown members stand before and behind the others, as many as may be."""
 
 
 def odd_spelling(case: Spelling) -> Writer:
@@ -42,10 +44,11 @@ def odd_spelling(case: Spelling) -> Writer:
     return write
 
 
-def unknown_members(seed: int) -> Writer:
+def unknown_members(trial: Trial, seed: int) -> Writer:
     """Writes messages with members that nobody knows, their characters escaped or not."""
     if seed == AROUND:
-        return lambda message: encode(between_unknown_members(message))
+        most = MOST_VALUES["s2c" if isinstance(trial, ClientTrial) else "c2s"]
+        return lambda message: encode(between_unknown_members(message, most))
     random = Random(seed)
     write = random.choice((encode, spell_in_utf_8))
     return lambda message: write(with_unknown_members(message, random))

@@ -58,8 +58,7 @@ def bad_replies(width: int, height: int) -> list[Json]:
 def answer_all(trial: ClientTrial, connection: Connection) -> None:
     """Reply to what the testee has asked on this connection, as a good server does."""
     for request in requests(trial, connection):
-        if answer := trial.role.answer(connection, request):
-            trial.role.say(connection, answer)
+        trial.role.reply(connection, request)
 
 
 def asked_again(trial: ClientTrial, connection: Connection, times: int = TIMES_AGAIN) -> bool:

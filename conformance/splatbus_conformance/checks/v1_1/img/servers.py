@@ -258,9 +258,10 @@ def image_of(trial: ServerTrial, connection: Connection, after: int) -> LentImag
 
 
 def alike(one: LentImage, other: LentImage) -> bool:
-    """Whether two images are of the same camera, and equal in every pixel."""
+    """Whether two images are of the same camera, time and objects, and equal in every pixel."""
     same = [np.array_equal(a, b, equal_nan=True) for a, b in zip(one[1:], other[1:], strict=True)]
-    return one.frame["camera"] == other.frame["camera"] and all(same)
+    named = ("camera", "time", "objects")
+    return all(one.frame.get(it) == other.frame.get(it) for it in named) and all(same)
 
 
 @check("IMG-11", observable="a frame comes in time when there is a newer image", needs=LENDS)

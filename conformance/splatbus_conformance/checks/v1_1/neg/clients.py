@@ -12,19 +12,17 @@ from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import (
-    ADDED_MEMBERS,
     CAPABILITIES,
-    CLIENT_1_0,
     CLOSING_ERRORS,
     NEEDS,
     REQUESTS,
+    newer,
 )
 from splatbus_conformance.wire.messages import Json, encode, error, reply
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import Connection
 
-LEGACY = set(CLIENT_1_0)
 LISTENING_SECONDS = 0.4
 WORDS = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=1, max_size=64)
 UNKNOWN: list[list[str]] = [["A-Z 0-9", ODD_TEXT, ""], [f"later-{n}" for n in range(64)]]
@@ -41,11 +39,6 @@ def listen(trial: ClientTrial, *connections: Connection) -> None:
     """Give what need not come several times as long as this testee took to say its first word."""
     first = [it.packets[0].ended - it.opened for it in connections if it.packets]
     trial.rest(max(LISTENING_SECONDS, *(4 * seconds for seconds in first), 0.0))
-
-
-def added(message: Json) -> set[str]:
-    """The members of a message of 1.0 that 1.1 adds."""
-    return message.keys() & set(ADDED_MEMBERS.get(str(message.get("type")), ()))
 
 
 def declared(trial: ClientTrial) -> list[str]:
@@ -109,9 +102,9 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
             trial.grows(connection, connection.packets)
     listen(trial, *connections)
     for connection in connections:
-        allowed = {"hello"} | (LEGACY if connection.channel == "msg" else set())
-        early = heard(trial, connection) - allowed
-        early |= set().union(*map(added, trial.role.with_(connection).heard))
+        early = heard(trial, connection) - {"hello"}
+        if connection.channel == "msg":
+            early = set().union(*map(newer, trial.role.with_(connection).heard))
         trial.expect(
             not early, "before-welcome", f"it sent {', '.join(sorted(early))} before welcome"
         )
@@ -148,10 +141,23 @@ def check_sends_only_what_was_granted_on_the_message_channel(
     listen(trial, connection)
     for message in trial.role.with_(connection).heard:
         needed = NEEDS.get(str(message.get("type")))
-        needed = "intrinsics" if "intrinsics" in added(message) else needed
+        needed = "intrinsics" if "intrinsics" in newer(message) else needed
         what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
         trial.expect(needed in (None, *granted), "not-granted", f"{what} lists {granted}")
     trial.delivered += len(connection.packets) > said
+
+
+def judge_agreement(trial: ClientTrial, connection: Connection, what: str) -> None:
+    """After a welcome that grants all that the testee declared, it says what it said when it was
+    met that 1.0 does not define; one that says no such thing goes on.
+    """
+    heard = trial.role.with_(connection).heard
+    if trial.facts.says_more:
+        agrees = trial.wait(lambda: any(map(newer, heard)) or connection.ended)
+        if not connection.ended:
+            trial.expect(agrees, "not-agreed", f"{what}: it goes on as with a server of 1.0")
+    outcome = trial.outcome_on_msg(connection)
+    trial.judge("accepts" if outcome == "ignores" else outcome, what)
 
 
 @check(
@@ -182,9 +188,7 @@ def check_ignores_unknown_capabilities_of_the_message_channel(
     """The same on the message channel, where `welcome` lists all that the testee declared, too."""
     connection = unwelcome(trial, "msg")
     trial.role.welcome(connection, capabilities=among(unknown, declared(trial)))
-    outcome = trial.outcome_on_msg(connection)
-    outcome = "accepts" if outcome == "ignores" else outcome
-    trial.judge(outcome, f"a welcome that lists {unknown} on the message channel")
+    judge_agreement(trial, connection, f"a welcome that lists {unknown} on the message channel")
 
 
 NAMES = st.text("abcdefghijklmnopqrstuvwxyz_", min_size=12, max_size=30)
@@ -230,8 +234,7 @@ def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> No
         before = len(connection.packets)
         connection.send(packet(encode(message)))
         while unanswered:  # nobody has to wait for a reply for long (CHN-15)
-            if answer := trial.role.answer(connection, unanswered.pop(0)):
-                trial.role.say(connection, answer)
+            trial.role.reply(connection, unanswered.pop(0))
         trial.grows(connection, connection.packets, before)
         outcome = "closes" if connection.ended else "ignores"
         trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")

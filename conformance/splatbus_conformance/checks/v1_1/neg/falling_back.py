@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, Cases, check
 from splatbus_conformance.checks.v1_0.req.clients import answer_all
-from splatbus_conformance.checks.v1_1.neg.clients import LEGACY, added, declared, heard, listen
+from splatbus_conformance.checks.v1_1.neg.clients import declared, heard, listen
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.wire import message_kinds
 from splatbus_conformance.wire.messages import welcome
 from splatbus_conformance.wire.recording import WORDS, Channel
 from splatbus_conformance.wire.sockets import Connection
@@ -48,9 +49,7 @@ def newer(trial: ClientTrial, fallen: Fallen) -> set[str]:
     if trial.facts.poses:  # which show that it has run since
         trial.grows(connection, dealings.heard, len(dealings.heard) + 1)
     listen(trial, connection)
-    said = dealings.heard[before:]
-    more = {str(it.get("type")) for it in said} - LEGACY - {"hello"}
-    return more.union(*map(added, said))
+    return set().union(*map(message_kinds.newer, dealings.heard[before:]))
 
 
 @check(

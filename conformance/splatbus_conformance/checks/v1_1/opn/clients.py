@@ -26,7 +26,7 @@ TAKES_FURTHER = (*OPENS_HOST_MEMORY, "capability:reinit")
 SETTLE_SECONDS = 0.05
 """Between the end of a connection and the end of a process that died."""
 ANSWERS = ("opened", "open_failed")
-LONGEST_NAME = "n" * LIMITS["max_name_chars"]
+LONGEST_NAME = "🙂" * LIMITS["max_name_chars"]
 
 
 def said(trial: ClientTrial, connection: Connection, *types: str) -> Counter[int | None]:

@@ -74,6 +74,20 @@ def ignores_the_pitches(patch: Patch) -> None:
 
 
 @mutant("INI-9", check=REFUSES, code="accepts")
+def bears_padded_rows(patch: Patch) -> None:
+    """Takes a pitch with room for more than a row, where the slots have room for it."""
+
+    def tighten(it: Json) -> None:
+        for channel, pixel in (("color", 16), ("depth", 4)):
+            pitch, row = f"pitch{channel.title()}", pixel * it["meta"]["w"]
+            stride = it["ring"][f"{channel}Stride"]
+            if row < it["meta"][pitch] and it["meta"][pitch] * it["meta"]["h"] <= stride:
+                it["meta"][pitch] = row
+
+    init_packets(patch, tighten)
+
+
+@mutant("INI-9", check=REFUSES, code="accepts")
 def reads_sizes_from_strings(patch: Patch) -> None:
     """Takes a size that is written as a string."""
     init_packets(patch, lambda it: it["meta"].update(w=int(it["meta"]["w"])))

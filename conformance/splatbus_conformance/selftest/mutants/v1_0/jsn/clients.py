@@ -1,12 +1,19 @@
 """Mutants that break JSN: what is sent is no strict JSON, or what is read is not read so."""
 
 import re
+from typing import Any
+
+from splatbus_client.message_protocol import MessageProtocol
+from splatbus_wire.messages import Scene
 
 from splatbus_conformance.selftest.faults.patching import Patch
+from splatbus_conformance.selftest.faults.seams import client
 from splatbus_conformance.selftest.faults.surgery import in_poses, payloads
 from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_0.chn.clients import speaks_1_0
 from splatbus_conformance.selftest.mutants.v1_0.jsn.servers import trusts_its_scene
+from splatbus_conformance.selftest.mutants.v1_1.neg.granted import says
+from splatbus_conformance.wire.packets import packet
 
 DEPTH = 70
 NUMBER = re.compile(rb"(?<=:)-?[0-9][0-9.e-]*")
@@ -71,6 +78,19 @@ def coordinate_twice(patch: Patch) -> None:
 def not_a_number(patch: Patch) -> None:
     """Sends NaN."""
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"exposure":NaN}'))
+
+
+@mutant("JSN-4", code="not-finite")
+def a_share_of_no_time(patch: Patch) -> None:
+    """Says what share of the time of a scene has gone by, also of one that has no length."""
+    says(patch)
+
+    def replied(original: Any, self: MessageProtocol, reply: Any, now: float) -> Any:
+        yield from original(self, reply, now)
+        if isinstance(reply, Scene) and reply.time_range and len({*reply.time_range}) == 1:
+            self.unsent += packet(b'{"type":"set_time","time":NaN}')
+
+    client.TAKES_REPLY.wrap(patch, replied)
 
 
 @mutant("JSN-4", code="not-finite")

@@ -8,6 +8,7 @@ from splatbus_client.channel import Channel
 from splatbus_client.events import MustClose
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
+from splatbus_schemas import LIMITS
 from splatbus_wire import decoding, json_text
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.packet_reader import PacketReader
@@ -17,6 +18,7 @@ from splatbus_conformance.selftest.faults.seam import Seam
 from splatbus_conformance.selftest.faults.seams import client, wire
 from splatbus_conformance.selftest.faults.surgery import Json, crash
 from splatbus_conformance.selftest.mutant import mutant
+from splatbus_conformance.wire.json_reading import values
 
 ROOM = 16
 
@@ -139,6 +141,23 @@ def refuses_a_camera_with_unknown_members(patch: Patch) -> None:
     """Refuses a reply about a camera that has a member which it does not know."""
     known = {"type", "id", "position", "rotation", "intrinsics"}
     refusing(patch, lambda _, it: "position" in it and "seq" not in it and it.keys() - known)
+
+
+@mutant("JSN-7", check="check_ignores_unknown_members", code="ignores")
+def has_room_for_a_thousand_values(patch: Patch) -> None:
+    """Refuses a payload of more values than a thousand."""
+    refusing(patch, lambda _, message: values(message) > 1000)
+
+
+@mutant("JSN-6", check="check_takes_any_spelling", code="ignores")
+def counts_the_bytes_of_a_name(patch: Patch) -> None:
+    """Refuses a welcome of a server whose name has more than 64 bytes."""
+
+    def long(_: bytes, message: Json) -> bool:
+        named = message.get("server", {}) if message.get("type") == "welcome" else {}
+        return len(named.get("name", "").encode()) > LIMITS["max_name_chars"]
+
+    refusing(patch, long)
 
 
 @mutant("JSN-8", check="check_does_not_act_on_broken_text", code="accepts")

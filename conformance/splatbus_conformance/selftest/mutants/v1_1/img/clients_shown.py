@@ -156,6 +156,18 @@ def knows_one_empty_depth(patch: Patch) -> None:
     _meant(patch, depth_empty=float("inf"))
 
 
+@mutant("MEM-13", check=SEMANTICS, code="empty-value-ignored", axes="opencv")
+def compares_empty_depths_in_double(patch: Patch) -> None:
+    """Finds no empty pixel where no single is the number that was announced."""
+
+    def planar(original: Any, color: Any, depth: Any, camera: Any, semantics: Any) -> Any:
+        exact = float(np.float32(semantics.depth_empty)) == semantics.depth_empty
+        meant = semantics if exact else semantics._replace(depth_empty=float("inf"))
+        return original(color, depth, camera, meant)
+
+    viewer.PLANAR_DEPTH.wrap(patch, planar)
+
+
 @mutant(
     "BUF-8",
     check="check_shows_its_geometry_where_the_image_is_empty",

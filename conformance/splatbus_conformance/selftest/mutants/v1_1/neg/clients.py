@@ -151,9 +151,23 @@ def closes_on_unknown_types(patch: Patch) -> None:
 def refuses_unknown_capabilities_of_the_message_channel(patch: Patch) -> None:
     """Closes the message connection on a `welcome` with a capability that it does not know."""
 
+    _on_unknown_capabilities(patch, MustClose("unknown capability"))
+
+
+@mutant(
+    "NEG-8",
+    check="check_ignores_unknown_capabilities_of_the_message_channel",
+    code="not-agreed",
+)
+def overlooks_a_welcome_with_unknown_capabilities(patch: Patch) -> None:
+    """Goes on as before on the message channel, where `welcome` has one that it does not know."""
+    _on_unknown_capabilities(patch, Ignored("unknown capability"))
+
+
+def _on_unknown_capabilities(patch: Patch, event: MustClose | Ignored) -> None:
     def on_welcome(original: Any, self: MessageProtocol, welcome: Any) -> Any:
         if set(welcome.capabilities) - set(self.hello.capabilities):
-            return [MustClose("unknown capability")]
+            return [event]
         return original(self, welcome)
 
     client.TAKES_WELCOME.wrap(patch, on_welcome)
