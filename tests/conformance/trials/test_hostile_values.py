@@ -49,7 +49,7 @@ class Wire:
     """A connection without sockets, which remembers what crossed."""
 
     def __init__(self, channel: Any, number: int = 1) -> None:
-        self.channel, self.open, self.ended = channel, True, None
+        self.channel, self.number, self.open, self.ended = channel, number, True, None
         self.recording = [Entry(1.0, channel, number, event="open")]
 
     def send(self, data: bytes) -> None:
@@ -57,7 +57,7 @@ class Wire:
 
     def note(self, direction: Any, data: bytes) -> None:
         now = self.recording[-1].t + 0.01
-        self.recording.append(Entry(now, self.channel, self.recording[0].conn, direction, data))
+        self.recording.append(Entry(now, self.channel, self.number, direction, data))
 
     def arrive(self, part: Any, direction: Any, message: Any) -> None:
         """Hand a message to a role or a viewer, as a packet."""
