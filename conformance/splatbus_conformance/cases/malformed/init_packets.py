@@ -85,6 +85,15 @@ def breaches_of_1_0() -> list[BrokenInitPacket]:
     return [*_meta(), *_sizes(), *_pitches(), *_offsets()]
 
 
+def padded_rows() -> Iterator[BrokenInitPacket]:
+    """INI-4 broken, in rings that have room for such rows."""
+    for channel, pitch in (("color", 16 * WIDTH), ("depth", 4 * WIDTH)):
+        padded = pitch + 16
+        room = {f"ring/{channel}Stride": padded * HEIGHT, "ring/depthOffset": ROOM // 2}
+        wrong = {f"meta/pitch{channel.title()}": padded, **room, "memory/bytes": ROOM}
+        yield BrokenInitPacket("INI-4", wrong, how=f"padded rows of {channel}")
+
+
 def breaches_of_1_1() -> list[BrokenInitPacket]:
     """Each rule of MEM-1, MEM-2, MEM-8, MEM-9 and MEM-12 broken; for names see `BAD_NAMES`."""
     return [*_version(), *_memory(), *_ring(), *_overlaps(), *_semantics()]
@@ -118,14 +127,6 @@ def _pitches() -> Iterator[BrokenInitPacket]:
     for member, pitch in (("pitchColor", 16 * WIDTH), ("pitchDepth", 4 * WIDTH)):
         wrong = (pitch + 16, pitch - 16, 2 * pitch, 0, -pitch, pitch + 0.5, str(pitch))
         yield from _each("INI-4", f"meta/{member}", (*wrong, *NO_NUMBERS))
-    for channel, pitch in (("color", 16 * WIDTH), ("depth", 4 * WIDTH)):
-        padded = pitch + 16
-        room = {f"ring/{channel}Stride": padded * HEIGHT, "ring/depthOffset": ROOM // 2}
-        yield BrokenInitPacket(
-            "INI-4",
-            {f"meta/pitch{channel.title()}": padded, **room, "memory/bytes": ROOM},
-            how=f"padded rows of {channel}, and room for them",
-        )
 
 
 def _offsets() -> Iterator[BrokenInitPacket]:

@@ -37,10 +37,10 @@ class HostMemory:
     """A named piece of shared memory of `size` bytes, filled with zeros; owned by the harness.
 
     A check that needs an odd name gives one; OSError where the system has no such names, or too
-    little memory.
+    little memory. One that is sparse has the pages alone that are written, on Linux.
     """
 
-    def __init__(self, size: int, name: str | None = None) -> None:
+    def __init__(self, size: int, name: str | None = None, *, sparse: bool = False) -> None:
         self.name = name or f"{PREFIX}{secrets.token_hex(6)}"
         self.size = size
         self._file: int | None = None
@@ -54,7 +54,9 @@ class HostMemory:
                 guard.watch(Kind.PATH, LINUX_FOLDER / self.name)
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             try:
-                _reserve(self._file, size)
+                os.ftruncate(self._file, size)
+                if not sparse:
+                    _reserve(self._file, size)
             except OSError:
                 os.close(self._file)
                 self._remove()

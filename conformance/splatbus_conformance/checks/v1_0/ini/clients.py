@@ -12,6 +12,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
     BrokenInitPacket,
     breaches_of_1_0,
     changed,
+    padded_rows,
     wrapping_in_32_bits,
 )
 from splatbus_conformance.cases.valid.init_packets import layouts, unusual_packets
@@ -122,7 +123,7 @@ def check_refuses_broken_init_packets(trial: ClientTrial) -> None:
     """Each rule of INI-1 to INI-6 is broken in turn, in packets that name memory which is large
     enough. Whoever answers `open_failed` has ignored the packet, and says so.
     """
-    judge_breaches(trial, breaches_of_1_0(), {"declines": "ignores"})
+    judge_breaches(trial, [*breaches_of_1_0(), *padded_rows()], {"declines": "ignores"})
 
 
 @check(

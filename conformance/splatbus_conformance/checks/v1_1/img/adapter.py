@@ -3,6 +3,7 @@
 Whatever is not lent is spoilt: a client that reads it shows it.
 """
 
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -11,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from splatbus_conformance.cases.rings import ORDERS, Arrangement
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.jsn.writers import Writer, odd_spelling, spellings
+from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.painted import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.frame_lender import FrameLender
@@ -23,6 +26,7 @@ from splatbus_conformance.wire.messages import Json, encode
 
 READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
 CHANNELS = ("color", "depth")
+FOUR_GIB = 1 << 32
 SMALL = 1 << 18
 """Pixels of an image that is written and digested in no time."""
 READINGS: tuple[tuple[str, Callable[[NDArray[Any]], NDArray[Any]]], ...] = (
@@ -74,6 +78,28 @@ def check_releases_when_it_has_read(trial: ClientTrial) -> None:
     for number in range(400 if many else 30):
         lender.show(coordinates(number, *lender.size))
         _judge(trial, lender, "released-too-early", "was released before it was read")
+
+
+@check("INI-10", observable="digests of images that lie 4 GiB apart", needs=READS)
+def check_reads_where_32_bits_do_not_reach(trial: ClientTrial) -> None:
+    """Images in a ring whose slots of each channel lie 4 GiB apart: who computes addresses in 32
+    bits reads one place for all. A client may decline memory that is so large.
+    """
+    if sys.platform != "linux":
+        trial.not_observable("memory that is mostly holes is to be had on Linux alone")
+    role = trial.role
+    role.offers_memory, role.slots = False, 2
+    role.arrange(Arrangement(ORDERS[2], after=FOUR_GIB - 20 * role.width * role.height))
+    with HostMemory(role.packet["memory"]["bytes"], sparse=True) as memory:
+        role.memory = memory
+        connection = trial.for_init_packet()
+        role.lends_frames = False
+        role.offer(connection, role.init_packet(connection))
+        trial.require_open(connection)
+        lender = FrameLender(trial, connection)
+        for number in range(2 * role.slots):
+            lender.show(coordinates(number, *lender.size))
+            _judge(trial, lender, "other-place", "was read from another place than its own")
 
 
 @check(

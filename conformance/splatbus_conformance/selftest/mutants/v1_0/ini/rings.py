@@ -36,6 +36,22 @@ def keeps_memory_of_the_same_size(patch: Patch) -> None:
     client.UNMAPS_MEMORY.replace(patch, lambda self: True)
 
 
+@mutant("INI-10", check="check_reads_where_32_bits_do_not_reach", code="other-place", axes="opencv")
+def has_32_bits_for_an_offset(patch: Patch) -> None:
+    """Cuts the offset of the colour of a slot to 32 bits."""
+
+    def color(original: Any, self: HostImages, slot: int) -> Any:
+        begin = self.ring.color_offset + slot * self.ring.color_stride
+        cut = self.ring._replace(color_offset=begin & 0xFFFFFFFF, color_stride=0)
+        whole, self.ring = self.ring, cut
+        try:
+            return original(self, slot)
+        finally:
+            self.ring = whole
+
+    client.COLOR_OF_SLOT.wrap(patch, color)
+
+
 @mutant("INI-8", check=ANY_RING, code="other-pixels", axes="opencv")
 def rounds_the_rows_of_depth_up(patch: Patch) -> None:
     """Takes rows of depth to begin at multiples of 16 bytes, as textures have them."""
