@@ -95,14 +95,17 @@ class Connection:
         """What has come of a payload that is not complete."""
         return self._splitter.rest[HEADER:] if self._splitter.refused is None else b""
 
-    def push(self, data: bytes) -> int | None:
-        """Send what TCP takes at once, off the record; how much, or None if the testee has gone.
+    def push(self, data: bytes, *, noted: bool = False) -> int | None:
+        """Send what TCP takes at once; how much, or None if the testee has gone.
 
-        For floods, which no rule has to read.
+        It is not noted of floods, which no rule has to read.
         """
         self._sock.setblocking(False)
         try:
-            return self._sock.send(data)
+            taken = self._sock.send(data)
+            if noted:
+                self._peer.note(self, self._peer.ours, data[:taken])
+            return taken
         except BlockingIOError:
             return 0
         except OSError:

@@ -2,23 +2,25 @@
 
 from typing import Any
 
+from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import check
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.image_session import answers, placed
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import integer_in, numbers, show, text_of, whole
-from splatbus_conformance.wire.messages import Json
+from splatbus_conformance.wire.messages import Json, camera_pose
 
 SCENE: Json = {"type": "get_scene"}
 TELLS = ("1.1", "capability:scene")
 MOST_CAMERAS = 64
+ASIDE = Pose((3.0, -5.0, 7.0), (0.5, -0.5, 0.5, 0.5))
 IDENTITY = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 
 
 @check("SCN-2", observable="the reply to get_scene, and that it is of this scene", needs=TELLS)
 def check_tells_of_its_scene(trial: ServerTrial) -> None:
-    """The objects that it lists can be posed, its cameras are as many as can be told apart, its
-    origin is that of the init packet.
+    """The objects that it lists can be posed, and their bounds are in their own axes; its cameras
+    are as many as can be told apart, its origin is that of the init packet.
     """
     connection = trial.greeted("msg")
     told = trial.ask(connection, SCENE | {"id": 2**53 - 1}) or {}
@@ -31,6 +33,7 @@ def check_tells_of_its_scene(trial: ServerTrial) -> None:
     ids = [it.get("id") if isinstance(it, dict) else None for it in held]
     sound = all(text_of(name, 1, 64) for name in ids) and len(set(map(str, ids))) == len(ids)
     trial.expect(sound, "invalid-ids", f"the ids of objects are {show(ids)}")
+    _expect_bounds_of_their_own(trial)
     if trial.facts.lacks("capability:objects") is None:
         _expect_poses_are_known(trial, ids)
     _expect_cameras(trial, told.get("cameras"))
@@ -54,6 +57,25 @@ def _expect_poses_are_known(trial: ServerTrial, ids: list[Any]) -> None:
     unknown = "unknown_object" in trial.viewer.with_(poser).errors()
     trial.expect(
         not unknown, "unknown-object", f"of the objects {show(ids)} one is not known to object_pose"
+    )
+
+
+def _expect_bounds_of_their_own(trial: ServerTrial) -> None:
+    """They stay as they are where the scene is moved; in one that is trained meanwhile they may
+    change, and do not change back.
+    """
+    poser, bounds = trial.commanding(), list[Any]()
+    for pose in (AT_REST, ASIDE, AT_REST):
+        trial.viewer.say(poser, camera_pose(*pose, kind="point_cloud_pose"))
+        told: Any = (trial.ask(poser, SCENE) or {}).get("objects")
+        bounds.append([it.get("bounds") for it in told] if isinstance(told, list) else None)
+    poser.close()
+    at_rest, moved, again = bounds
+    trial.expect(
+        moved == at_rest or again != at_rest,
+        "bounds-moved",
+        f"where the scene was put aside, the bounds of its objects are told as {show(moved)}, and"
+        f" as {show(at_rest)} before and after",
     )
 
 

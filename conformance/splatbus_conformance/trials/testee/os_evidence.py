@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from splatbus_conformance.wire.json_reading import shorten
 
@@ -135,12 +136,33 @@ def _open_files(pid: int) -> set[str]:
     return found
 
 
+class Queues(NamedTuple):
+    """Bytes that the system holds for one end of a connection."""
+
+    unsent: int
+    """Of what was sent: those that have not been acknowledged."""
+    unread: int
+
+
+def queues(port: int, peer_port: int) -> Queues | None:
+    """What waits at the end of a TCP connection that has this port, if that is shown."""
+    if (fields := _connection(f":{port:04X}", f":{peer_port:04X}")) is None:
+        return None
+    return Queues(*(int(each, 16) for each in fields[4].split(":")))
+
+
 def _socket(local: str, remote: str) -> str | None:
     """What an open file of this connection is called."""
+    fields = _connection(local, remote)
+    return f"socket:[{fields[9]}]" if fields else None
+
+
+def _connection(local: str, remote: str) -> list[str] | None:
+    """What the system says of it."""
     for table in ("tcp", "tcp6"):
         with contextlib.suppress(OSError):
             for line in (PROC / "net" / table).read_text().splitlines()[1:]:
                 fields = line.split()
                 if fields[1].endswith(local) and fields[2].endswith(remote):
-                    return f"socket:[{fields[9]}]"
+                    return fields
     return None

@@ -252,10 +252,16 @@ def check_colour_and_depth_are_of_one_moment(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
+TURNS = (["color"], ["depth"], ["depth", "color"], ["depth"], ["color"], ["color", "depth"])
+ONE_TOO_LATE = 4
+"""In this turn depth is asked for once the image was given back, and nobody else wants colour."""
+
+
 @check("IMG-20", observable="the channels that were asked for, of every frame", needs=SUBSCRIBES)
 def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
-    """Colour and depth are asked for in turns, while an image is held and the camera moves. There
-    is an image by then for whoever wanted one before: a further reader sees it, if one is served.
+    """Colour and depth are asked for in turns, while an image is held and the camera moves; and the
+    other one once it was given back, which comes too late for the next. There is an image by then
+    for whoever wanted one before: a further reader sees it, if one is served.
     """
     first, rng = first_view(trial), random.Random(trial.seed)
     capture, found = FrameCapture(trial), list[tuple[CapturedFrame, Sequence[str]]]()
@@ -265,8 +271,7 @@ def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
     beside = _further_reader(trial)
     capture.go(anywhere(first, rng))
     held = capture.hold()
-    turns = (["color"], ["depth"], ["depth", "color"], ["depth"], ["color"], ["color", "depth"])
-    for asked in turns * (20 if trial.thorough else 1):
+    for turn, asked in enumerate(TURNS * (20 if trial.thorough else 1)):
         if beside is not None:
             beside.take(anywhere(first, rng), None)  # what it says counts from the next on
             beside.take(anywhere(first, rng), None)
@@ -276,6 +281,8 @@ def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
         subscription = {"type": "subscribe", "channels": asked}
         trial.viewer.say(capture.reader, subscription)
         capture.give_back(held)
+        if turn % len(TURNS) == ONE_TOO_LATE:
+            trial.viewer.say(capture.reader, {"type": "subscribe", "channels": ["depth"]})
         held = capture.hold()
         if beside is not None:
             trial.viewer.say(beside.reader, subscription)

@@ -7,7 +7,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.text import broken_texts
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.req.servers import every_request
-from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import (
     BAD_NEIGHBOURS,
     BAD_READERS,
@@ -17,6 +17,7 @@ from splatbus_conformance.trials.moves.bad_neighbours import (
     crowd,
 )
 from splatbus_conformance.trials.moves.camera_control import CameraControl
+from splatbus_conformance.trials.moves.stalled import stalled
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS
@@ -28,8 +29,10 @@ from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
 BURST = 200
 SPARE = 12
-FURTHER = 12
-"""More connections than most servers keep on a channel."""
+FURTHER = 100
+"""More connections than most servers keep on a channel, or systems in their place."""
+READERS = 12
+"""As many of them want images."""
 UNKNOWN = {"type": "weather_report", "sunny": True}
 NOBODYS: tuple[tuple[object, bytes], ...] = (
     ("unknown", encode(UNKNOWN)),
@@ -142,7 +145,7 @@ def _expect_both_served(trial: ServerTrial, first: Channel, second: Channel) -> 
 
 @check("CHN-13", observable="each further connection is answered, or it or another is closed")
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
-    """Twelve clients on the message channel, which ask at once, and none of which goes."""
+    """A hundred clients on the message channel, which ask at once, and none of which goes."""
     numbers = list(trial.each(range(1, FURTHER + 1)))
     came: list[Connection | None] = []
     while len(came) < len(numbers) and None not in came:
@@ -164,11 +167,11 @@ def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     "CHN-13", observable="each further connection hears something, or it is closed", needs=("1.1",)
 )
 def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
-    """Twelve clients on the IPC channel, which say hello, and none of which goes."""
+    """A hundred clients on the IPC channel, which say hello, and none of which goes."""
     trial.greeted("ipc")
     for number in trial.each(range(2, FURTHER + 1)):
         connection = trial.before_hello("ipc")
-        trial.viewer.greet(connection)
+        trial.viewer.greet(connection, **({} if number <= READERS else {"capabilities": []}))
         if not _hears(trial, connection) or trial.fate():
             trial.judge(trial.fate() or "waits", f"client number {number} on the IPC channel")
         trial.delivered += 1
@@ -278,22 +281,39 @@ def check_answers_before_the_end(trial: ServerTrial) -> None:
         connection = trial.greeted("msg") if agreed else trial.dial("msg")
         if earlier:
             trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
-        heard = trial.viewer.with_(connection).heard
-        before = len(heard)
+        before = len(trial.viewer.with_(connection).heard)
         asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
         connection.send(b"".join(packet(encode(each)) for each in asked))
-        connection.end_stream()
-        closed = trial.ends(connection)
-        replies = len(heard) - before
         what = f"{count} requests and the end of the stream"
         what += " after hello" * agreed + " after one that was answered" * earlier
-        trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
-        trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
-        trial.expect(
-            connection.ended == "eof", "reset", f"the server reset the connection after {what}"
-        )
-        connection.close()
-        trial.delivered += 1
+        _expect_answers(trial, connection, before, count, what)
+
+
+@check("CHN-16", observable="every reply comes, of more than TCP has room for")
+def check_answers_all_that_waits_before_the_end(trial: ServerTrial) -> None:
+    """Requests of which no reply is read, until some wait in the server; then the client's end of
+    stream, and it reads.
+    """
+    stands = stalled(trial, [CAMERA_REQUEST])
+    what = f"{stands.asked} requests, of which no reply was read, and the end of the stream"
+    _expect_answers(trial, stands.connection, stands.heard, stands.asked, what)
+
+
+def _expect_answers(
+    trial: ServerTrial, connection: Connection, before: int, count: int, what: str
+) -> None:
+    heard = trial.viewer.with_(connection).heard
+    connection.end_stream()
+    while trial.grows(connection, heard, len(heard)):
+        pass
+    closed, replies = trial.ends(connection), len(heard) - before
+    trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
+    trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
+    trial.expect(
+        connection.ended == "eof", "reset", f"the server reset the connection after {what}"
+    )
+    connection.close()
+    trial.delivered += 1
 
 
 WHO_ENDS = ((False, False), (True, False), (False, True))

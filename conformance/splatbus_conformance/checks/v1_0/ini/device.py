@@ -266,4 +266,4 @@ def check_opens_what_has_unknown_members(trial: ClientTrial) -> None:
     nested to the limit, a decoy of the message itself.
     """
     seeds = trial.each([AROUND], st.integers(0, 2**32 - 1), quick=4, full=300)
-    judge_writers(trial, map(unknown_members, seeds))
+    judge_writers(trial, (unknown_members(trial, seed) for seed in seeds))

@@ -260,7 +260,6 @@ def check_closed_ends_the_lease(
     "VPT-8",
     observable="when readers that keep former memory are closed",
     needs=RESIZES,
-    profile="full",
     given=resizing,
 )
 def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from splatbus_server.exchange import Exchange
 from splatbus_server.memory import Memory
+from splatbus_server.reader import Reader
 from splatbus_server.ring import Ring
 from splatbus_server.view import View
 
@@ -143,6 +144,12 @@ def server_lends_what_it_has(patch: Patch) -> None:
         patch,
         lambda original, self, client, memory, wants: original(self, client, memory, frozenset()),
     )
+
+
+@mutant("IMG-20", check="check_what_is_subscribed_to_is_written", code="other-pixels")
+def server_writes_what_was_said_last(patch: Patch) -> None:
+    """Writes what its readers want when it renders, and not what they wanted when they waited."""
+    Seam(Reader, "needs").replace(patch, property(lambda self: self.wants))
 
 
 @mutant("IMG-5", check="check_every_slot_shows_the_same", code="other-pixels")

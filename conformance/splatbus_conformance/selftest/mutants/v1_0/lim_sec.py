@@ -1,5 +1,6 @@
 """Mutants that break LIM and SEC: they keep too much, or can be reached from everywhere."""
 
+import math
 from typing import Any
 
 from splatbus_server.connection import Connection
@@ -22,6 +23,17 @@ def server_keeps_every_reply(patch: Patch) -> None:
 
     def sent(original: Any, self: Connection, count: int, now: float) -> None:
         del self.unsent[:count]
+
+    Seam(Connection, "sent").wrap(patch, sent)
+
+
+@mutant("LIM-2", check="check_who_stops_reading_is_closed", code="hangs")
+def server_waits_for_who_reads_nothing(patch: Patch) -> None:
+    """Keeps what it may keep for a client that does not read, however long."""
+
+    def sent(original: Any, self: Connection, count: int, now: float) -> None:
+        original(self, count, now)
+        self._send_by = math.inf
 
     Seam(Connection, "sent").wrap(patch, sent)
 

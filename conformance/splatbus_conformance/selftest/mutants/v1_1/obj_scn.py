@@ -7,9 +7,9 @@ import numpy as np
 from splatbus_renderer.raycast import Raycaster
 from splatbus_server import api
 from splatbus_server.control import Poses
-from splatbus_server.session import MESSAGE_CAPABILITIES
+from splatbus_server.session import MESSAGE_CAPABILITIES, Session
 from splatbus_server.view import View
-from splatbus_wire.messages import PointCloudPose
+from splatbus_wire.messages import Box, PointCloudPose
 from splatbus_wire.poses import Pose
 
 from splatbus_conformance.selftest.faults.patching import Patch
@@ -150,6 +150,24 @@ def server_lists_an_object_that_is_not_there(patch: Patch) -> None:
     """Tells of a chair that nobody can move."""
     chair = {"id": "chair", "name": "", "gaussians": 0, "bounds": None}
     scene_told(patch, lambda scene: {"objects": [*scene["objects"], chair]})
+
+
+@mutant("SCN-2", check=SCENE, code="bounds-moved")
+def server_tells_bounds_in_the_world(patch: Patch) -> None:
+    """Tells where the Gaussians are now, and not where they are in their own axes."""
+
+    def answer(original: Any, self: Session, *request: Any) -> Any:
+        at = self.control.poses.objects["default"].pose.position
+        default, *others = self.scene.objects
+        ends = (tuple(map(sum, zip(end, at, strict=True))) for end in default.bounds or ())
+        moved = default._replace(bounds=Box(*ends))
+        scene, self.scene = self.scene, self.scene._replace(objects=(moved, *others))
+        try:
+            return original(self, *request)
+        finally:
+            self.scene = scene
+
+    server.ANSWERS_REQUEST.wrap(patch, answer)
 
 
 @mutant("SCN-2", check=SCENE, code="another-count")

@@ -125,9 +125,10 @@ def server_serves_one_channel_at_a_time(patch: Patch) -> None:
     check="check_further_connections_are_not_left_waiting",
     code="waits",
 )
-def server_lets_the_fourth_wait(patch: Patch) -> None:
-    """Leaves message connections beyond three in the backlog."""
-    _leaves_waiting(patch, "msg", 3)
+def server_lets_the_fiftieth_wait(patch: Patch) -> None:
+    """Leaves message connections beyond 49 in the backlog."""
+    server.MOST_CONNECTIONS.replace(patch, 100)
+    _leaves_waiting(patch, "msg", 49)
 
 
 @mutant(
@@ -332,6 +333,18 @@ def server_leaves_with_its_client(patch: Patch) -> None:
                 peer.connection.unsent.clear()
 
     server.TAKES_BYTES.wrap(patch, take)
+
+
+@mutant("CHN-16", check="check_answers_all_that_waits_before_the_end", code="another-count")
+def server_forgets_what_waits_at_the_end(patch: Patch) -> None:
+    """Sends what TCP takes when the client ends its stream, and nothing that waits then."""
+
+    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+        original(self, data, now)
+        if not data and len(self.unsent) > 1 << 12:
+            self.unsent.clear()
+
+    server.RECEIVES.wrap(patch, receive)
 
 
 def _leaves_waiting(patch: Patch, channel: str, most: int) -> None:

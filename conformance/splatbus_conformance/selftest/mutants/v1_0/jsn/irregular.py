@@ -155,7 +155,8 @@ def counts_the_bytes_of_a_name(patch: Patch) -> None:
 
     def long(_: bytes, message: Json) -> bool:
         named = message.get("server", {}) if message.get("type") == "welcome" else {}
-        return len(named.get("name", "").encode()) > LIMITS["max_name_chars"]
+        most: int = LIMITS["max_name_chars"]
+        return len(named.get("name", "").encode()) > most
 
     refusing(patch, long)
 
