@@ -157,10 +157,10 @@ def server_tells_bounds_in_the_world(patch: Patch) -> None:
     """Tells where the Gaussians are now, and not where they are in their own axes."""
 
     def answer(original: Any, self: Session, *request: Any) -> Any:
-        at = self.control.poses.objects["default"].pose.position
+        x, y, z = self.control.poses.objects["default"].pose.position
         default, *others = self.scene.objects
-        ends = (tuple(map(sum, zip(end, at, strict=True))) for end in default.bounds or ())
-        moved = default._replace(bounds=Box(*ends))
+        least, most = ((a + x, b + y, c + z) for a, b, c in default.bounds or ())
+        moved = default._replace(bounds=Box(least, most))
         scene, self.scene = self.scene, self.scene._replace(objects=(moved, *others))
         try:
             return original(self, *request)
