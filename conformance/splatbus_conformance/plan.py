@@ -33,6 +33,8 @@ class Plan:
     """What is launched finds the stand-in CUDA runtime (conformance/STAND_IN_CUDA.md)."""
     parallel: int = 1
     """How many testees are judged at a time, each on ports of its own; 0 for as many as do well."""
+    within: float = 0.0
+    """Seconds that the whole run may take; 0 for as many as it likes."""
     exitfirst: bool = False
     """The run ends with the check in which a MUST was broken."""
     record: str | None = None

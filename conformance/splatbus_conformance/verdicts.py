@@ -11,6 +11,7 @@ EXIT_NOT_CONFORMING = 1
 EXIT_USAGE = 2
 EXIT_NO_VERDICT = 3
 EXIT_INTERRUPTED = 130
+INTERRUPTED = "the run was interrupted"
 
 
 class Verdict(StrEnum):

@@ -35,6 +35,7 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
         allow_crash=arguments.allow_crash,
         adapter=adapter,
         parallel=arguments.parallel,
+        within=arguments.within,
         exitfirst=arguments.exitfirst,
         record=arguments.record,
         stand_in_cuda=arguments.stand_in_cuda,
@@ -62,7 +63,11 @@ def wishes_of(side: Side, arguments: argparse.Namespace) -> RunOptions:
         )
     wishes = RunOptions(
         arguments.strict,
-        Thresholds(Level(arguments.require_level), parse_share(arguments.require_coverage)),
+        Thresholds(
+            Level(arguments.require_level),
+            parse_share(arguments.require_coverage),
+            arguments.require_version,
+        ),
         _expectations(arguments.expect_failures, side),
         arguments.minutes,
         arguments.shrink,

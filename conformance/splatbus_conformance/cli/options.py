@@ -1,12 +1,16 @@
 """Options that several commands have, each declared once."""
 
 import argparse
+import re
+
+from splatbus_schemas import VERSIONS
 
 from splatbus_conformance.run.options import USUAL_HOST
 from splatbus_conformance.selection import PROFILES
 from splatbus_conformance.verdicts import Level
 
 SHRINK_SECONDS = 30.0
+_TIME = re.compile(r"(\d+(?:\.\d+)?)([smh])")
 FORMATS = {
     "json": "a report for programs, from which `report` makes the others",
     "junit": "a report for CI systems, as JUnit XML",
@@ -85,6 +89,14 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
     )
 
     what.add_argument(
+        "--within",
+        type=a_time,
+        metavar="T",
+        default=0.0,
+        help="a time that the run has to keep to, such as 90s or 5m: what matters most comes "
+        "first, and what did not run is counted",
+    )
+    what.add_argument(
         "--exitfirst", action="store_true", help="with --parallel 1: end it once a MUST is broken"
     )
 
@@ -101,6 +113,12 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         choices=tuple(Level),
         default=Level.PASSIVE,
         help="nothing observed at this assurance; what is seen at less does not count (L0)",
+    )
+    failing.add_argument(
+        "--require-version",
+        choices=VERSIONS,
+        default=VERSIONS[0],
+        help="a testee that speaks an older one (%(default)s)",
     )
     failing.add_argument(
         "--expect-failures",
@@ -136,6 +154,16 @@ def a_command(text: str) -> str:
     if not text.strip():
         raise argparse.ArgumentTypeError("a command is wanted, such as ./my-viewer")
     return text
+
+
+def a_time(text: str) -> float:
+    """`90s`, `5m` or `1h` in seconds. Raises ArgumentTypeError."""
+    told = _TIME.fullmatch(text)
+    if told is None or not float(told[1]):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no time: one is wanted such as 90s, 5m or 1h"
+        )
+    return float(told[1]) * {"s": 1.0, "m": 60.0, "h": 3600.0}[told[2]]
 
 
 def at_least_one(text: str) -> int:

@@ -11,7 +11,7 @@ REFUTED = {Verdict.FAIL, Verdict.EXPECTED, Verdict.ERROR}
 
 def claim(report: RunReport) -> str | None:
     """The claim that a run bears out; None where it was not a whole one, or broke something."""
-    if report.status or report.deselected or report.profile is None:
+    if report.status or report.deselected or report.cut or report.profile is None:
         return None
     if REFUTED & {result.verdict for result in report.results}:
         return None

@@ -94,6 +94,10 @@ class Findings:
     """What each check said, by its place in a serial run."""
     seeds: list[int] = field(default_factory=list)
     """Of the runs that were added up."""
+    cut: str = ""
+    """Why the run ended before all checks had run."""
+    left: int = 0
+    """Checks that did not run for that."""
 
     def put(self, place: int, result: Result) -> None:
         """Note a verdict; of two on one place, which different seeds gave, the worse."""
@@ -104,6 +108,7 @@ class Findings:
     def add(self, other: "Findings", seed: int) -> None:
         """Take in what a run with this seed found; each failure says which seed it was."""
         self.seeds.append(seed)
+        self.cut, self.left = other.cut, other.left
         for place, result in other.placed.items():
             told = replace(result, text=f"{result.text} (seed {seed})")
             self.put(place, told if result.verdict in CONDEMNS else result)

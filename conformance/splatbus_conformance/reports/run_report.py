@@ -45,6 +45,8 @@ class RunReport:
     """Of the drawn cases."""
     recorded: bool = False
     """What crossed the wire was kept."""
+    cut: str = ""
+    """Why it ended before all checks had run."""
 
 
 def summary(
@@ -52,7 +54,7 @@ def summary(
     judged: Mapping[str, Requirement],
     level: str,
     least: Level = Level.PASSIVE,
-    ended: str = "",
+    why_none: str = "",
 ) -> tuple[str, dict[str, Verdict]]:
     """One sentence on a run, and the verdict on each requirement that could be judged.
 
@@ -61,7 +63,7 @@ def summary(
         judged: the requirements that the testee could be judged by.
         level: the assurance at which the run takes place.
         least: the least assurance at which something counts as observed.
-        ended: how the testee ended by itself, if it did.
+        why_none: what keeps the run from a verdict that nothing else gives it.
     """
     results = list(results)
     groups = by_requirement(results)
@@ -78,11 +80,11 @@ def summary(
         opinion = "no verdict: the harness failed"
     elif of[Verdict.EXPECTED]:
         opinion = "not conforming, as expected"
-    elif not count:
-        opinion = f"no verdict: {ended or 'nothing was observed'}"
+    elif why_none or not count:
+        opinion = f"no verdict: {why_none or 'nothing was observed'}"
     else:
         opinion = f"conforming at {level}"
-    mark = ";" if of[Verdict.FAIL] or (ended and not count) else ":"
+    mark = ";" if of[Verdict.FAIL] or why_none else ":"
     text = f"{opinion}{mark} {count} of {len(judged)} requirements observed"
     if least > Level.PASSIVE:
         text += f" at {least} or above"

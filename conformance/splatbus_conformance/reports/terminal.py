@@ -2,6 +2,7 @@
 
 import re
 import textwrap
+import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from rich.console import Console
@@ -43,6 +44,8 @@ CONFORMS = "conforms"
 SHOWN_WITH_BYTES = 5
 """Failures; those after them are told by their sentences and the command that shows them."""
 LEAST_COLUMNS = 20
+TELL_SECONDS = 15.0
+"""How often it is said, where no line can be rewritten, how long the run will take."""
 _STYLE_OF_END = {EXIT_CONFORMING: "bold green", EXIT_NOT_CONFORMING: "bold red"}
 _VERSION = re.compile(r"\b(\d) (\d)\b")
 _ONE_LINE = Column(no_wrap=True, overflow="ellipsis", ratio=1)
@@ -56,8 +59,11 @@ class LiveProgress:
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._total = 0
-        self._done = 0
+        self._seconds: Mapping[str, float] = {}
+        """How long each check took once."""
+        self._left: set[str] = set()
+        """Checks that have no verdict yet."""
+        self._began = self._told = time.monotonic()
         self._running: dict[str, str] = {}
         """By check, what it says that it judges."""
         self._skipped: dict[str, list[str]] = {}
@@ -65,16 +71,19 @@ class LiveProgress:
         self._judged: set[str] = set()
         """Those of which another check has said something."""
         self._bar = _bar(console) if console.is_terminal else None
-        self._task = self._bar.add_task("meeting the testee", total=None) if self._bar else None
+        self._task = None
+        if self._bar:
+            self._task = self._bar.add_task("meeting the testee", total=None, left="")
 
     def say(self, text: str) -> None:
         """Something that the user has to do or know."""
         self._console.print(text)
         self._show()
 
-    def begin(self, total: int) -> None:
-        """So many checks will run."""
-        self._total, self._done = total, 0
+    def begin(self, seconds: Mapping[str, float]) -> None:
+        """These checks will run, each of which took so many seconds once."""
+        self._seconds, self._left = seconds, set(seconds)
+        self._began = self._told = time.monotonic()
         self._running.clear()
         self._show()
 
@@ -85,18 +94,21 @@ class LiveProgress:
 
     def done(self, result: Result) -> None:
         """One has its verdict."""
-        self._done += 1
+        self._left.discard(result.check)
         self._running.pop(result.check, None)
         if result.verdict is Verdict.SKIP:
             self._skipped.setdefault(result.text, []).append(result.requirement)
         else:
             self._judged.add(result.requirement)
             self._console.print(
-                _line(result, f"{self._done:4}/{self._total}"),
+                _line(result, self._place),
                 no_wrap=True,
                 overflow="ellipsis",
                 crop=self._console.is_terminal,
             )
+        if not self._bar and time.monotonic() > self._told + TELL_SECONDS and self._left:
+            self._told = time.monotonic()
+            self._console.print(f"{self._place}  {self._time_left}", style="dim")
         self._show()
 
     def end(self) -> None:
@@ -106,21 +118,40 @@ class LiveProgress:
         print_skipped(self._console, self._skipped, self._judged)
         self._skipped, self._judged = {}, set()
 
+    @property
+    def _place(self) -> str:
+        return f"{len(self._seconds) - len(self._left):4}/{len(self._seconds)}"
+
+    @property
+    def _time_left(self) -> str:
+        """By what those took once that are done and that are not, at the pace of this run."""
+        left = sum(self._seconds[name] for name in self._left)
+        done = sum(self._seconds.values()) - left
+        pace = (time.monotonic() - self._began) / done if done else 0.0
+        return f"about {pace * left:.0f} s left" if done else ""
+
     def _show(self) -> None:
         if self._bar and self._task is not None:
             self._bar.start()
-            self._bar.update(self._task, completed=self._done, total=self._total or None)
+            total = len(self._seconds)
+            self._bar.update(
+                self._task,
+                completed=total - len(self._left),
+                total=total or None,
+                left=self._time_left,
+            )
             if self._running:
                 self._bar.update(self._task, description="; ".join(self._running.values()))
 
 
 def _bar(console: Console) -> Progress:
-    """One line: how far the run is, for how long it has run, and what runs now."""
+    """One line: how far the run is, for how long it has run and will, and what runs now."""
     return Progress(
         SpinnerColumn(),
         MofNCompleteColumn(),
         BarColumn(20),
         TimeElapsedColumn(),
+        TextColumn("{task.fields[left]}", markup=False),
         TextColumn("{task.description}", markup=False, table_column=_ONE_LINE),
         console=console,
         transient=True,

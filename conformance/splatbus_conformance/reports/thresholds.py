@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from splatbus_schemas import VERSIONS
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement, worst
@@ -10,12 +11,14 @@ from splatbus_conformance.verdicts import Level, Result, Verdict, by_requirement
 
 @dataclass(frozen=True)
 class Thresholds:
-    """What `--require-level` and `--require-coverage` ask for."""
+    """What `--require-level`, `--require-coverage` and `--require-version` ask for."""
 
     level: Level = Level.PASSIVE
     """A verdict of less assurance counts for nothing here."""
     coverage: float = 0.0
     """The share of the MUSTs on this testee that have to be observed."""
+    version: str = VERSIONS[0]
+    """That the testee has to speak, or a later one."""
 
 
 def observed(
@@ -50,14 +53,22 @@ def missing(
 
 
 def shortfalls(
-    results: Iterable[Result], judged: Mapping[str, Requirement], demands: Thresholds
+    results: Iterable[Result],
+    judged: Mapping[str, Requirement],
+    demands: Thresholds,
+    version: str,
 ) -> list[str]:
-    """A sentence for each demand that a run does not meet."""
+    """A sentence for each demand that a run on a testee of this version does not meet."""
     seen = observed(results, judged, demands.level)
     musts = [name for name, it in judged.items() if it.level.startswith("MUST")]
     count = sum(name in seen for name in musts)
     at = f" at {demands.level} or above" if demands.level > Level.PASSIVE else ""
     found = []
+    if VERSIONS.index(version) < VERSIONS.index(demands.version):
+        found.append(
+            f"--require-version {demands.version}: the testee speaks {version} alone; nothing that"
+            " it said on either channel is of a later one, such as hello or welcome"
+        )
     if demands.level > Level.PASSIVE and not seen:
         found.append(f"--require-level {demands.level}: nothing was observed{at}")
     if count < demands.coverage * len(musts):

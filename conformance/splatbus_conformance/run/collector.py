@@ -1,6 +1,8 @@
 """The pytest plugin that listens to reports, wherever the checks run, and gathers what they say."""
 
+import statistics
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import pytest
@@ -17,8 +19,8 @@ class Progress(Protocol):
     def say(self, text: str) -> None:
         """Something that the user has to do or know."""
 
-    def begin(self, total: int) -> None:
-        """So many checks will run."""
+    def begin(self, seconds: Mapping[str, float]) -> None:
+        """These checks will run, each of which took so many seconds once."""
 
     def start(self, check: str, requirement: str) -> None:
         """This one runs now."""
@@ -30,8 +32,16 @@ class Progress(Protocol):
 class Collector:
     """Handed to `pytest.main`; puts all results into findings."""
 
-    def __init__(self, findings: Findings, progress: Progress, checks: Mapping[str, Check]) -> None:
+    def __init__(
+        self,
+        findings: Findings,
+        progress: Progress,
+        checks: Mapping[str, Check],
+        seconds: Mapping[str, float],
+    ) -> None:
         self.findings, self.progress, self.checks = findings, progress, checks
+        self.seconds = seconds
+        """How long checks took once."""
         self.names: list[str] = []
         """Of the checks that have to run."""
         self.uncollected = ""
@@ -67,7 +77,8 @@ class Collector:
     def begin(self, names: Sequence[str]) -> None:
         """These checks have to run."""
         self.names = list(names)
-        self.progress.begin(len(names))
+        usual = statistics.median(self.seconds.values())
+        self.progress.begin({name: self.seconds.get(name, usual) for name in names})
 
     def note(self, name: str, why: str) -> None:
         """A check has come to no result."""
@@ -78,6 +89,14 @@ class Collector:
         """Note each check that should have run and did not."""
         for name in self.names:
             self.note(name, why)
+
+    def cut(self, why: str) -> None:
+        """Leave out each check that has not run, for the run has to end."""
+        left = [name for name in self.names if name not in self._told]
+        self.findings.cut, self.findings.left = why, len(left)
+        for name in left:
+            skipped = replace(self._error(name, why), verdict=Verdict.SKIP)
+            self._put(self._beyond(), skipped)
 
     def _put(self, place: int, result: Result) -> None:
         self._told.add(result.check)

@@ -1,5 +1,6 @@
 """A whole run on a live testee: meet it, judge it, say what came of it."""
 
+import math
 import os
 import time
 from collections.abc import Iterable
@@ -25,12 +26,16 @@ from splatbus_conformance.verdicts import (
     EXIT_INTERRUPTED,
     EXIT_NO_VERDICT,
     EXIT_NOT_CONFORMING,
+    INTERRUPTED,
     Level,
     Result,
     Verdict,
     exit_code,
     reached,
 )
+
+REPORT_SECONDS, REPORT_SHARE = 5.0, 0.1
+"""What a run that has a time to keep to leaves of it for what follows the checks."""
 
 
 def judge(plan: Plan, wishes: RunOptions, out: Console) -> int:
@@ -40,6 +45,8 @@ def judge(plan: Plan, wishes: RunOptions, out: Console) -> int:
     """
     live = LiveProgress(out)
     began = time.monotonic()
+    within = plan.within or math.inf
+    until = began + within - min(REPORT_SECONDS, REPORT_SHARE * within)
     wishes.files.remove_former()
 
     def write_why_not(why: str, status: int) -> None:
@@ -49,15 +56,20 @@ def judge(plan: Plan, wishes: RunOptions, out: Console) -> int:
         if plan.profile == "soak":
             findings = soak(plan, 60 * wishes.minutes, live)
         else:
-            findings = run_checks(plan, live)
+            findings = run_checks(plan, live, until)
     except NoVerdict as error:
         write_why_not(str(error), EXIT_NO_VERDICT)
         raise
     except KeyboardInterrupt:
-        write_why_not("the run was interrupted", EXIT_INTERRUPTED)
+        write_why_not(INTERRUPTED, EXIT_INTERRUPTED)
         raise
     finally:
         live.end()
+    if findings.cut == INTERRUPTED:
+        wishes = replace(wishes, shrink_seconds=0.0)
+    elif plan.within:
+        left = max(0.0, began + within - time.monotonic())
+        wishes = replace(wishes, shrink_seconds=min(left, wishes.shrink_seconds))
     return _report(plan, findings, time.monotonic() - began, wishes, out)
 
 
@@ -66,7 +78,7 @@ def soak(plan: Plan, seconds: float, live: LiveProgress) -> Findings:
     until = time.monotonic() + seconds
     findings = Findings()
     seed = plan.seed
-    while seed == plan.seed or time.monotonic() < until:
+    while seed == plan.seed or (time.monotonic() < until and not findings.cut):
         live.say(f"seed {seed}: {findings.traffic.delivered:,} cases delivered so far")
         record = str(Path(plan.record, f"seed-{seed}")) if plan.record else None
         try:
@@ -113,21 +125,25 @@ def _report(
     fewer = missing(results, judged, traffic.late_seconds, _load())
     if fewer:
         traffic.advice.append(fewer)
-    complaints = [*stale, *shortfalls(results, judged, wishes.demands)]
-    sentence, verdicts = summary(results, judged, reached(results), level, ended)
+    complaints = [*stale, *shortfalls(results, judged, wishes.demands, traffic.version)]
+    interrupted = findings.cut == INTERRUPTED
+    why_none = INTERRUPTED if interrupted else ended
+    sentence, verdicts = summary(results, judged, reached(results), level, why_none)
+    if findings.left:
+        sentence += f"; {findings.left} checks did not run, for {findings.cut}"
     if fewer:
         sentence += "; fewer than usual were observed: busy machine"
     deselected = left_out(plan)
     if deselected:
         sentence += f"; {sum(map(len, deselected.values()))} checks and rules were deselected"
-    status = exit_code(verdicts, strict=wishes.strict)
+    status = EXIT_NOT_CONFORMING if complaints else exit_code(verdicts, strict=wishes.strict)
     report = RunReport(
         traffic.testee,
         plan.side,
         sentence,
         results,
         judged,
-        EXIT_NOT_CONFORMING if complaints else status,
+        EXIT_INTERRUPTED if interrupted else status,
         traffic,
         seconds,
         level,
@@ -137,10 +153,13 @@ def _report(
         profile=plan.profile,
         seeds=findings.seeds or [plan.seed],
         recorded=bool(plan.record),
+        cut=findings.cut,
     )
     print_run(out, report)
     wishes.files.write(json_report(report))
-    if wishes.write_expected:
+    if wishes.write_expected and findings.cut:
+        out.print(f"{wishes.write_expected} is not written: {findings.cut}, so it is not whole")
+    elif wishes.write_expected:
         return write_expected(wishes.write_expected, found, wishes, out)
     return report.status
 

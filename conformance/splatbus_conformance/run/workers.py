@@ -10,6 +10,8 @@ import multiprocessing
 import os
 import signal
 import sys
+import time
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from enum import Enum, auto
 from multiprocessing import forkserver, util
@@ -18,11 +20,13 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 import pytest
+from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import guard
+from splatbus_conformance.checks import Check
 from splatbus_conformance.data import read_json
 from splatbus_conformance.guard import Kind, uninterrupted
-from splatbus_conformance.plan import NoVerdict, Plan, Side, Usage
+from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.reports.console import complain_of_fault
 from splatbus_conformance.run.collector import Collector
 from splatbus_conformance.run.plugin import CheckPlugin
@@ -35,6 +39,8 @@ FORKS = sys.platform == "linux"
 PRELOADED = ["splatbus_conformance.preload"]
 ENDING_SECONDS = 30.0
 """How long a worker may take to end its testee."""
+CUT_SECONDS = 3.0
+"""The same, where a report has to be written before somebody loses patience."""
 _context: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
 
 
@@ -75,17 +81,25 @@ class Workers:
         self._processes: dict[Connection, BaseProcess] = {}
         self._under_way: dict[Connection, str] = {}
 
-    def run(self, count: int) -> None:
-        """Have so many workers share the checks. Raises NoVerdict if one cannot meet a testee."""
+    def run(self, count: int, until: float) -> bool:
+        """Have so many workers share the checks, until this moment of the monotonic clock at the
+        most; whether all have run. Raises NoVerdict if one cannot meet a testee.
+        """
+        patience = CUT_SECONDS
         try:
             for _ in range(count):
                 self._start()
             while self._processes:
-                for connection in wait(list(self._processes)):
+                left = None if until == math.inf else max(0.0, until - time.monotonic())
+                if not (spoken := wait(list(self._processes), left)):
+                    return False
+                for connection in spoken:
                     assert isinstance(connection, Connection)
                     self._hear(connection)
+            patience = ENDING_SECONDS
         finally:
-            self._end_all()
+            self._end_all(patience)
+        return True
 
     def _start(self) -> None:
         here, there = _context.Pipe()
@@ -126,14 +140,15 @@ class Workers:
             if self._left:
                 self._start()
 
-    def _end_all(self) -> None:
+    def _end_all(self, patience: float) -> None:
         """Let them end their testees at once, and not only when their check is through."""
         for process in self._processes.values() if os.name == "posix" else ():
             if process.pid is not None and process.is_alive():
                 os.kill(process.pid, signal.SIGINT)
+        until = time.monotonic() + patience
         for connection, process in self._processes.items():
             connection.close()
-            process.join(ENDING_SECONDS)
+            process.join(max(0.0, until - time.monotonic()))
             process.kill()
             guard.forget(Kind.PROCESS, process.pid)
 
@@ -196,13 +211,28 @@ class WorkerPlugin:
             yield name
 
 
-def dealt(checks: Iterable[str], side: Side, profile: str) -> list[str]:
-    """The order in which workers are dealt checks: long ones first.
+def dealt(checks: Mapping[str, Check], plan: Plan) -> list[str]:
+    """The order in which workers are dealt checks: long ones first; or, in a run that has a time to
+    keep to, the shortest of each requirement, those of what must be before those of what should.
 
     How long a check took once on the reference pair is an estimate, and decides nothing else; one
     that nobody has measured may be the longest. What may crash a testee needs no place of its own:
     a worker starts another.
     """
+    seconds = durations(plan)
+    if not plan.within:
+        return sorted(checks, key=lambda name: -seconds.get(name, math.inf))
+    known, before = requirements("1.1"), Counter[str]()
+    urgency: dict[str, tuple[bool, int]] = {}
+    shortest_first = sorted(checks, key=lambda name: seconds.get(name, math.inf))
+    for name in shortest_first:
+        id = checks[name].requirement
+        urgency[name] = not known[id].level.startswith("MUST"), before[id]
+        before[id] += 1
+    return sorted(shortest_first, key=urgency.__getitem__)
+
+
+def durations(plan: Plan) -> dict[str, float]:
+    """How many seconds checks took once, by their names."""
     stored: dict[str, dict[str, float]] = read_json("durations.json")
-    seconds = stored[side] | (stored[f"{side} full"] if profile in THOROUGH else {})
-    return sorted(checks, key=lambda name: -seconds.get(name, math.inf))
+    return stored[plan.side] | (stored[f"{plan.side} full"] if plan.profile in THOROUGH else {})

@@ -90,6 +90,48 @@ def test_an_interrupt_ends_the_run_and_leaves_no_report_of_before(tmp_path: Path
     assert json.loads(reports["badge"].read_text("utf-8"))["message"] == "no verdict"
 
 
+@pytest.mark.skipif(os.name == "nt", reason="SIGINT cannot be sent to one process on Windows")
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("how", [("--parallel", "1"), ()], ids=["one", "several"])
+def test_an_interrupted_run_keeps_what_was_judged(
+    tmp_path: Path, how: tuple[str, ...], ending: signal.Signals
+) -> None:
+    command = broken(tmp_path, ("if not 1 <= length <= LIMIT:", "if False:"))
+    report, junit = tmp_path / "report.json", tmp_path / "report.xml"
+    files = "--json", str(report), "--junit", str(junit)
+    process = start("client", "--launch", command, *how, *files, cwd=tmp_path)
+    assert process.stdout is not None
+    before = "".join(iter(lambda: _line_before(process, "FRM-3   fail"), ""))
+    process.send_signal(ending)
+    output, _ = process.communicate(timeout=30)
+    assert process.returncode == 130, before + output
+    written = json.loads(report.read_text("utf-8"))
+    jsonschema.Draft202012Validator(read_json("report.schema.json")).validate(written)
+    assert written["summary"].startswith("not conforming: FRM-3")
+    assert "checks did not run, for the run was interrupted" in written["summary"]
+    verdicts = {entry["id"]: entry["verdict"] for entry in written["requirements"]}
+    assert verdicts["FRM-3"] == "fail"
+    assert written["claim"] is None
+    assert b"the run was interrupted" in junit.read_bytes()
+    assert "FAIL FRM-3" in output
+
+
+def _line_before(process: subprocess.Popen[str], last: str) -> str:
+    """A line of what it says; none once that says this."""
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    return "" if last in line else line
+
+
+def test_a_run_keeps_to_its_time_and_says_what_it_left_out(tmp_path: Path) -> None:
+    viewer = f'"{sys.executable}" -m splatbus_viewer view'
+    line = "client", "--launch", viewer, "--profile", "full", "--within", "20s", "--parallel", "4"
+    code, output = run(*line, cwd=tmp_path)
+    assert code == 0, output
+    assert "checks did not run, for the time of --within was up" in output
+    assert "it may be claimed" not in output
+
+
 SILENT = f'"{sys.executable}" -c "import time; time.sleep(60)"'
 EXITS = f'"{sys.executable}" -c "raise SystemExit(chr(111)*3)"'
 
@@ -108,6 +150,10 @@ EXITS = f'"{sys.executable}" -c "raise SystemExit(chr(111)*3)"'
         (["--launch", GOOD, "--select", "FRM-999"], 2, "FRM-999"),
         (["--wait", "--parallel", "2"], 2, "use --launch or --adapter, and leave out --ports"),
         (["--launch", GOOD, "--ports", "1,2", "--parallel", "2"], 2, "and leave out --ports"),
+        (["--launch", GOOD, "--within", "0m"], 2, "'0m' is no time: one is wanted such as 90s"),
+        (["--launch", GOOD, "--within", "0.1s"], 2, "to meet the testee alone took"),
+        (["--launch", OLD, "--require-version", "1.1", "--select", "FRM-3"], 1, "speaks 1.0 alone"),
+        (["--launch", GOOD, "--require-version", "1.1", "--select", "FRM-3"], 0, "conforming"),
     ],
 )
 def test_what_comes_to_no_check_says_why(words: list[str], code: int, told: str) -> None:

@@ -3,6 +3,7 @@
 import io
 
 import pytest
+from splatbus_conformance.reports import terminal
 from splatbus_conformance.reports.console import CleanConsole
 from splatbus_conformance.reports.terminal import (
     SHOWN_WITH_BYTES,
@@ -41,9 +42,9 @@ def failed(requirement: str, check: str = "check_it", level: Level = Level.WIRE,
 def test_a_reason_for_skips_is_told_once_with_all_that_it_hid() -> None:
     out = console()
     live = LiveProgress(out)
-    live.begin(4)
-    for name in ("CNV-1", "CNV-2", "CNV-1"):
-        live.done(Result(name, "check_a", Level.ADAPTER, Verdict.SKIP, NO_ADAPTER))
+    live.begin(dict.fromkeys(("check_a", "check_b", "check_c", "check_any_segmentation"), 1.0))
+    for check, name in (("check_a", "CNV-1"), ("check_b", "CNV-2"), ("check_c", "CNV-1")):
+        live.done(Result(name, check, Level.ADAPTER, Verdict.SKIP, NO_ADAPTER))
     live.done(Result("FRM-4", "check_any_segmentation", Level.WIRE, Verdict.PASS))
     assert NO_ADAPTER not in text(out)
     live.end()
@@ -58,7 +59,7 @@ def test_a_reason_for_skips_is_told_once_with_all_that_it_hid() -> None:
 def test_what_another_check_has_judged_is_told_from_what_none_has() -> None:
     out = console()
     live = LiveProgress(out)
-    live.begin(3)
+    live.begin({"check_a": 1.0, "check_b": 1.0})
     for name in ("CNV-1", "CNV-2"):
         live.done(Result(name, "check_a", Level.ADAPTER, Verdict.SKIP, NO_ADAPTER))
     live.done(Result("CNV-2", "check_b", Level.WIRE, Verdict.PASS))
@@ -70,11 +71,25 @@ def test_a_terminal_sees_what_runs_and_a_file_does_not() -> None:
     outs = console(terminal=True, TERM="xterm"), console()
     for out in outs:
         live = LiveProgress(out)
-        live.begin(2)
+        live.begin({"check_any_segmentation": 1.0, "check_b": 3.0})
         live.start("check_any_segmentation", "FRM-4")
         live.end()
     assert "FRM-4 any segmentation" in text(outs[0])
     assert text(outs[1]) == ""
+
+
+def test_how_long_is_left_is_told_by_what_checks_took_once(monkeypatch) -> None:
+    now = 100.0
+    monkeypatch.setattr(terminal.time, "monotonic", lambda: now)
+    outs = console(terminal=True, TERM="xterm"), console()
+    lives = [LiveProgress(out) for out in outs]
+    for live in lives:
+        live.begin({"check_a": 2.0, "check_b": 6.0})
+    now = 120.0
+    for live in lives:
+        live.done(Result("FRM-4", "check_a", Level.WIRE, Verdict.PASS))
+        live.end()
+    assert all("about 60 s left" in text(out) for out in outs)
 
 
 def test_failures_stand_in_the_order_in_which_to_look_at_them() -> None:

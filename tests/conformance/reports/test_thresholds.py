@@ -43,13 +43,13 @@ def test_what_was_seen_at_less_assurance_does_not_count() -> None:
 
 def test_coverage_is_of_the_musts() -> None:
     share = sum(name in ("FRM-1", "FRM-3") for name in MUSTS) / len(MUSTS)
-    assert shortfalls(RESULTS, JUDGED, Thresholds(coverage=share)) == []
-    (sentence,) = shortfalls(RESULTS, JUDGED, Thresholds(coverage=share + 0.01))
+    assert shortfalls(RESULTS, JUDGED, Thresholds(coverage=share), "1.1") == []
+    (sentence,) = shortfalls(RESULTS, JUDGED, Thresholds(coverage=share + 0.01), "1.1")
     assert f"2 of {len(MUSTS)} MUSTs" in sentence
 
 
 def test_a_level_that_nothing_reached() -> None:
-    assert shortfalls(RESULTS, JUDGED, Thresholds(Level.WIRE)) == []
-    assert shortfalls(RESULTS, JUDGED, Thresholds(Level.ADAPTER)) == [
+    assert shortfalls(RESULTS, JUDGED, Thresholds(Level.WIRE), "1.1") == []
+    assert shortfalls(RESULTS, JUDGED, Thresholds(Level.ADAPTER), "1.1") == [
         "--require-level L2: nothing was observed at L2 or above"
     ]

@@ -4,13 +4,15 @@ import contextlib
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.data import read_json
-from splatbus_conformance.plan import Side
+from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.workers import dealt
+from splatbus_schemas.requirements import requirements
 
 from tests.conformance.harness import GOOD, broken, run, start
 from tests.waiting import eventually
@@ -139,11 +141,27 @@ def test_the_users_own_pytest_has_no_part_in_a_worker(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("side", ["client", "server"])
 def test_long_checks_come_first_and_before_them_what_nobody_has_measured(side: Side) -> None:
+    checks = {it.name: it for it in checks_of(side)}
+    plan, anew = Plan(side, None, "", (0, 0), (0, 0), 1.0), next(iter(checks.values()))
     seconds = read_json("durations.json")[side]
-    new, *order = dealt([*sorted(seconds), "check_anew"], side, "quick")
+    stored = {name: checks[name] for name in sorted(seconds)}
+    new, *order = dealt({**stored, "check_anew": anew}, plan)
     assert new == "check_anew"
     assert [seconds[name] for name in order] == sorted(seconds.values(), reverse=True)
-    assert dealt(order, side, "full") != order
+    assert dealt(stored, replace(plan, profile="full")) != order
+
+
+@pytest.mark.parametrize("side", ["client", "server"])
+def test_where_time_is_short_each_requirement_is_seen_once_before_any_is_seen_twice(
+    side: Side,
+) -> None:
+    checks = {it.name: it for it in checks_of(side)}
+    order = dealt(checks, Plan(side, None, "", (0, 0), (0, 0), 1.0, within=60.0))
+    known, seen = requirements("1.1"), [checks[name].requirement for name in order]
+    must = [known[id].level.startswith("MUST") for id in seen]
+    assert must == sorted(must, reverse=True)
+    first = {id for id, is_must in zip(seen, must, strict=True) if is_must}
+    assert set(seen[: len(first)]) == first
 
 
 @pytest.mark.parametrize("side", ["client", "server"])
