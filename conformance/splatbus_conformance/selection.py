@@ -70,17 +70,21 @@ class Selection:
 ALL = Selection()
 
 
-def terms(text: str, items: Iterable[Item]) -> tuple[str, ...]:
-    """The comma-separated terms in `text`, upper and lower case as the items have it.
+def terms(
+    text: str, items: Iterable[Item], judged_by: Mapping[str, tuple[str, ...]]
+) -> tuple[str, ...]:
+    """The comma-separated terms in `text`, upper and lower case as the items have it; for an id of
+    the other side, those by which it is judged what is done where that is broken.
 
     Raises UnknownTermError for one that means none of the items.
     """
     known = spellings(items)
     found = []
     for term in filter(None, (part.strip() for part in text.split(","))):
-        if term.lower() not in known:
+        judges = [it for it in judged_by.get(term.lower(), ()) if it.lower() in known]
+        if term.lower() not in known and not judges:
             raise UnknownTermError(_what_there_is(term, known))
-        found.append(known[term.lower()])
+        found += [known[term.lower()]] if term.lower() in known else judges
     return tuple(dict.fromkeys(found))
 
 

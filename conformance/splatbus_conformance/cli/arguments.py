@@ -1,9 +1,12 @@
 """The command line of a live run as values: a plan, and what is wanted of the run besides."""
 
 import argparse
+import re
+from collections.abc import Mapping
 from pathlib import Path
 
 from splatbus_schemas import LIMITS
+from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.cli.options import FORMATS
 from splatbus_conformance.plan import Plan, Side, Usage
@@ -16,6 +19,7 @@ from splatbus_conformance.selection import ALL, Selection, UnknownTermError, ter
 from splatbus_conformance.verdicts import Level
 
 MOST_PORT = 65535
+_IDS = re.compile(r"([A-Z]{3})-(\d+)(?: to \1-(\d+))?")
 
 
 def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
@@ -133,6 +137,22 @@ def parse_share(text: str) -> float:
     return int(number) / 100
 
 
+def _judged_by(side: Side) -> Mapping[str, tuple[str, ...]]:
+    """For each requirement that binds the other side alone, those that say what this side is to do
+    where it is broken.
+    """
+    known = requirements("1.1")
+    found: dict[str, tuple[str, ...]] = {}
+    for id, requirement in known.items():
+        for clause, first, last in _IDS.findall(requirement.sentence):
+            for number in range(int(first), int(last or first) + 1):
+                other = f"{clause}-{number}"
+                others = other in known and side not in known[other].binds
+                if others and side in requirement.binds:
+                    found[other.lower()] = (*found.get(other.lower(), ()), id)
+    return found
+
+
 def parse_selection(only: str, never: str, side: Side) -> Selection:
     """`--select` and `--deselect`; Usage for a term that means nothing."""
     if not (only or never):
@@ -141,7 +161,7 @@ def parse_selection(only: str, never: str, side: Side) -> Selection:
     found = []
     for option, text in (("--select", only), ("--deselect", never)):
         try:
-            found.append(terms(text, items))
+            found.append(terms(text, items, _judged_by(side)))
         except UnknownTermError as error:
             raise Usage(
                 f"{option}: {error}; `splatbus-conformance list --peer {side}` shows all"

@@ -57,6 +57,8 @@ def endpoint(text: str) -> Endpoint:
         raise Usage(
             f"{text!r} is not HOST:IPC,MSG, such as 127.0.0.1:6001,6000, or [::1]:6001,6000"
         ) from None
+    if ipc == msg:
+        raise Usage(f"{text}: IPC and message need a port each, such as 127.0.0.1:6001,6000")
     return Endpoint(host.strip("[]") or "127.0.0.1", ipc, msg)
 
 

@@ -67,7 +67,8 @@ def result(requirement: str, count: Count, level: str) -> Result:
     if not count.broken:
         text = f"held {count.seen} times of {count.seen}"
         return Result(requirement, RULE, Level.PASSIVE, Verdict.PASS, text)
-    text = f"broken {count.broken} times of {count.seen}; first: {count.first}"
+    times = f"{count.broken} of {count.seen}" if count.seen > 1 else "the only one"
+    text = f"{count.first} ({times})"
     code = count.first.code if count.first else ""
     verdict = failing(level)
     return Result(requirement, RULE, Level.PASSIVE, verdict, text, tuple(count.shown), code=code)

@@ -8,6 +8,15 @@ from typing import Any, NoReturn
 MOST_BYTES = 1 << 26
 """Of a file that has to be read as a whole."""
 MOST_SHOWN = 60
+_UTF_16 = "it is UTF-16, as Windows PowerShell writes what is redirected: save it as UTF-8"
+FOREIGN = {
+    **dict.fromkeys((b"\xff\xfe", b"\xfe\xff", b"{\0", b"\0{"), _UTF_16),
+    b"\x1f\x8b": "it is compressed with gzip: unpack it first",
+    b"\x28\xb5\x2f\xfd": "it is compressed with zstd: unpack it first",
+    b"\xfd7zXZ": "it is compressed with xz: unpack it first",
+    b"PK\3\4": "it is a zip archive: unpack it first",
+}
+"""What a file is that begins so."""
 
 
 def read_text(path: Path) -> str:
@@ -16,10 +25,21 @@ def read_text(path: Path) -> str:
         data = file.read(MOST_BYTES + 1)
     if len(data) > MOST_BYTES:
         raise ValueError(f"it has more than {MOST_BYTES:,} bytes")
+    return decoded(data)
+
+
+def decoded(data: bytes, place: int = 0) -> str:
+    """The text of a file, or of a line that begins at this place in it; a byte-order mark in front
+    is no part of it. Raises ValueError.
+    """
+    if not place:
+        for begin, what in FOREIGN.items():
+            if data.startswith(begin):
+                raise ValueError(what)
     try:
-        return data.decode("utf-8")
+        return data.decode("utf-8" if place else "utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"byte {error.start} is not UTF-8") from None
+        raise ValueError(f"byte {place + error.start} is not UTF-8") from None
 
 
 def from_json(text: str) -> Any:

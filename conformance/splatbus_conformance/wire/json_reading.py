@@ -21,6 +21,9 @@ LONG_NUMBER = 300
 """Digits from which an integer may overflow double precision."""
 _NO_BRACKET = re.compile(r'"(?:[^"\\]|\\.?)*(?:"|\Z)|[^][{}"]+', re.DOTALL)
 """Strings, the last of which may not end, and what is between them and brackets."""
+_STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
+_DECIMAL_COMMA = re.compile(r":\s*(-?[0-9]+,[0-9]+(?:[eE][-+]?[0-9]+)?)")
+"""As programs write numbers that follow the language of their user."""
 _STEPS = {"{": 1, "[": 1, "}": -1, "]": -1}
 _HALF_A_PAIR = re.compile("[\ud800-\udfff]")
 _JSON_NUMBER = re.compile(r"-?(0|[1-9][0-9]*)(\.[0-9]+)?([eE][+-]?[0-9]+)?")
@@ -151,7 +154,9 @@ def _read_closely(payload: bytes) -> ReadPayload:
             parse_int=number,
         )
     except ValueError as error:
-        return ReadPayload(None, (*faults, PayloadFault("JSN-1", "no-json", f"no JSON: {error}")))
+        comma = _DECIMAL_COMMA.search(_STRING.sub('""', text))
+        why = f"{comma[1]} is no number: a point is wanted for the comma" if comma else str(error)
+        return ReadPayload(None, (*faults, PayloadFault("JSN-1", "no-json", f"no JSON: {why}")))
     if "\\u" in text and any(_HALF_A_PAIR.search(each) for each in _strings(value)):
         faults.append(
             PayloadFault(

@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeGuard
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.wire.given_files import from_json, shown
+from splatbus_conformance.wire.given_files import decoded, from_json, shown
 
 Channel = Literal["ipc", "msg"]
 WORDS: dict[Channel, str] = {"ipc": "IPC", "msg": "message"}
@@ -95,10 +95,9 @@ def read(path: Path) -> Iterator[Entry]:
                 text = f"the line has more than {MOST_LINE:,} bytes, which no read has"
                 raise RecordingError(f"{path.name}, line {number}: {text}")
             try:
-                text = line.decode("utf-8")
-            except UnicodeDecodeError as error:
-                place = begins + error.start
-                raise RecordingError(f"{path.name}: byte {place} is not UTF-8") from None
+                text = decoded(line, begins)
+            except ValueError as error:
+                raise RecordingError(f"{path.name}: {error}") from None
             begins += len(line)
             if text.strip():
                 try:

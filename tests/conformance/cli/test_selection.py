@@ -1,6 +1,7 @@
 """What `--select` and `--deselect` leave of a run."""
 
 import pytest
+from splatbus_conformance.cli.arguments import parse_selection
 from splatbus_conformance.plan import SIDES
 from splatbus_conformance.run.options import selectable_on
 from splatbus_conformance.selection import PROFILES, RULE, Item, Selection, UnknownTermError, terms
@@ -13,7 +14,7 @@ ITEMS = (CHECK, SLOW, RULES, OTHER)
 
 
 def chosen(only: str = "", never: str = "", profile: str = "quick") -> list[Item]:
-    selection = Selection(terms(only, ITEMS), terms(never, ITEMS))
+    selection = Selection(terms(only, ITEMS, {}), terms(never, ITEMS, {}))
     return [item for item in ITEMS if selection.takes(item, profile)]
 
 
@@ -52,16 +53,21 @@ def test_each_profile_runs_what_a_shorter_one_does() -> None:
 @pytest.mark.parametrize("term", ["FRM-4", "L9", "check_bad_lengths", "rule"])
 def test_a_term_that_means_nothing_is_told_what_there_is(term: str) -> None:
     with pytest.raises(UnknownTermError) as caught:
-        terms(f"FRM,{term}", ITEMS)
+        terms(f"FRM,{term}", ITEMS, {})
     text = str(caught.value)
     assert text.startswith(term)
     assert "FRM, JSN" in text
     assert "L0, L1, L2, L3" in text
 
 
+def test_what_the_other_side_sends_wrong_is_selected_by_what_this_side_does_about_it() -> None:
+    assert parse_selection("ini-4", "", "client").only == ("INI-8", "INI-9")
+    assert "INI-9" in parse_selection("INI", "INI-4", "client").never
+
+
 def test_a_near_miss_is_asked_about() -> None:
     with pytest.raises(UnknownTermError, match="did you mean check_bad_length"):
-        terms("check_bad_lenght", ITEMS)
+        terms("check_bad_lenght", ITEMS, {})
 
 
 @pytest.mark.parametrize("side", SIDES)

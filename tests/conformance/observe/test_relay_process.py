@@ -31,10 +31,18 @@ def warned(relay: Relayed) -> str:
 
 @pytest.mark.parametrize(
     "text",
-    ["localhost", "localhost:1", "localhost:1,2,3", "localhost:a,b", "localhost:0,1", ":70000,1"],
+    [
+        "localhost",
+        "localhost:1",
+        "localhost:7001,7001",
+        "localhost:1,2,3",
+        "localhost:a,b",
+        "localhost:0,1",
+        ":70000,1",
+    ],
 )
 def test_an_address_that_is_none_is_explained(text: str) -> None:
-    with pytest.raises(Usage, match="HOST:IPC,MSG"):
+    with pytest.raises(Usage, match=r"HOST:IPC,MSG|need a port each"):
         endpoint(text)
 
 

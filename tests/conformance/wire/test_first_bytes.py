@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from splatbus_conformance.wire.first_bytes import misread, recognised
+from splatbus_conformance.wire.first_bytes import astray, misread, recognised
 from splatbus_conformance.wire.packets import Splitter, packet
 
 TEXT = json.dumps({"type": "get_viewport_size"}).encode()
@@ -28,6 +28,9 @@ def refused(stream: bytes) -> bytes:
         (TEXT + b"\n" + TEXT + b"\n", "and no line break after it"),
         (b"\xef\xbb\xbf" + TEXT, "JSON without a header"),
         (b"29\n" + TEXT, "the length is spelled in digits"),
+        (len(TEXT).to_bytes(2, "little") + TEXT, "a length of two bytes"),
+        (b"\xef\xbb\xbf" + packet(TEXT), "a byte-order mark stands before the header"),
+        (b"\r\n" + packet(TEXT), "a line break stands behind the packet before"),
         (b"Content-Length: 29\r\n\r\n" + TEXT, "a header of text"),
         (b"GET / HTTP/1.1" + HEADERS, "this is HTTP"),
         (b"GET / HTTP/1.1" + HEADERS + b"Upgrade: websocket\r\n\r\n", "opens a WebSocket"),
@@ -46,6 +49,7 @@ def test_a_stream_is_known_by_its_first_bytes(stream: bytes, words: str) -> None
         (TEXT + packet(TEXT)[:4], "the length does not count the header"),
         (bytes(4) + TEXT[:-4], "four bytes, not eight"),
         (TEXT + b"\0", "no terminator"),
+        (b"\0" + TEXT, "nothing stands between two packets"),
         (TEXT.decode().encode("utf-16-le"), "UTF-16"),
         (TEXT, ""),
         (b"{broken", ""),
@@ -54,3 +58,23 @@ def test_a_stream_is_known_by_its_first_bytes(stream: bytes, words: str) -> None
 )
 def test_a_payload_tells_of_another_kind_of_header(payload: bytes, words: str) -> None:
     assert words in misread(payload) if words else not misread(payload)
+
+
+NAMED = json.dumps({"type": "hello", "name": "Zoë Žižek"}, ensure_ascii=False)
+COUNTED = len(NAMED).to_bytes(4, "little") + NAMED.encode()
+
+
+@pytest.mark.parametrize(
+    ("one", "words"),
+    [
+        (COUNTED, "the length counts characters"),
+        (len(TEXT).to_bytes(8, "little") + TEXT, "four bytes, not eight"),
+        ((len(TEXT) + 4).to_bytes(4, "little") + TEXT, "the length does not count the header"),
+    ],
+)
+def test_a_wrong_length_is_told_where_it_stands_and_not_where_reading_fails(
+    one: bytes, words: str
+) -> None:
+    splitter = Splitter()
+    first = splitter.feed(one * 3, 0.0)[0]
+    assert words in astray(first.payload, splitter.rest)

@@ -1,5 +1,6 @@
 """Recordings: what is written reads back, and what breaks the format is named."""
 
+import gzip
 import json
 from pathlib import Path
 from typing import Any
@@ -57,10 +58,25 @@ def test_a_file_that_breaks_the_format_is_named_with_its_line(tmp_path: Path) ->
         load(tmp_path / "bad.jsonl")
 
 
-def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
-    (tmp_path / "bad.jsonl").write_bytes(b"\x1c\x00\xff")
-    with pytest.raises(RecordingError, match=r"bad\.jsonl: byte 2 is not UTF-8"):
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"\x1c\x00\xff", "byte 2 is not UTF-8"),
+        (json.dumps(OPEN).encode("utf-16"), "it is UTF-16"),
+        (json.dumps(OPEN).encode("utf-16-le"), "it is UTF-16"),
+        (gzip.compress(json.dumps(OPEN).encode()), "it is compressed with gzip"),
+        (b"\x28\xb5\x2f\xfd\0", "it is compressed with zstd"),
+    ],
+)
+def test_a_file_that_is_no_text_is_named(tmp_path: Path, data: bytes, words: str) -> None:
+    (tmp_path / "bad.jsonl").write_bytes(data)
+    with pytest.raises(RecordingError, match=rf"bad\.jsonl: {words}"):
         load(tmp_path / "bad.jsonl")
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_line(tmp_path: Path) -> None:
+    (tmp_path / "marked.jsonl").write_text(json.dumps(OPEN), "utf-8-sig")
+    assert len(load(tmp_path / "marked.jsonl")) == 1
 
 
 def test_only_line_breaks_part_lines(tmp_path: Path) -> None:

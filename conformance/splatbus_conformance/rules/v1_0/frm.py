@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from splatbus_conformance.rules import Breach, Rule, Sighting, about, rule
 from splatbus_conformance.wire.conversation import SENDER, Conversation
-from splatbus_conformance.wire.first_bytes import recognised
+from splatbus_conformance.wire.first_bytes import astray, recognised
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.packets import HEADER
 from splatbus_conformance.wire.recording import Direction
@@ -20,7 +20,9 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
         if stream.refused is not None:
             length = int.from_bytes(stream.rest[:4], "little")
             text = f"the header at byte {stream.refused} of the stream announces {length:,} bytes"
-            if known := recognised(stream.rest):
+            before = [it for it in conversation.messages if it.direction == direction][-1:]
+            strayed = astray(before[0].packet.payload, stream.rest) if before else ""
+            if known := strayed or recognised(stream.rest):
                 text += f": {known}"
             wrong = Breach("out-of-range", text)
             yield _of_stream(conversation, direction, "FRM-2", stream.began, wrong)

@@ -15,7 +15,7 @@ from splatbus_conformance.trials.testee.adapter import Greeting
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.trials.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
-from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.json_reading import read, shorten
 from splatbus_conformance.wire.json_values import texts, within
 from splatbus_conformance.wire.message_kinds import POSES, REQUESTS, REQUESTS_1_0, newer
 from splatbus_conformance.wire.messages import Json
@@ -171,7 +171,7 @@ class ClientFacts:
         elif kind == "says":
             known, why = of in self.says, f"sends no {of} when it connects"
         elif kind == "poses":
-            known, why = self.poses, "sends no poses unasked"
+            known, why = self.poses, "sends no poses unasked that can be read"
         elif kind in ("adapter", "axes"):
             return self._adapter_lacks(kind, of)
         elif kind == "opens":
@@ -326,7 +326,8 @@ def _shown(connections: Sequence[Connection], role: ScriptedServer) -> ClientFac
         dealings = role.with_(connection)
         facts.connects.add(connection.channel)
         facts.hello[connection.channel] = facts.hello[connection.channel] or dealings.hello
-        kinds = {str(message.get("type")) for message in dealings.heard}
+        told = (message.get("type", "what has no type") for message in dealings.heard)
+        kinds = {kind if isinstance(kind, str) else shorten(repr(kind)) for kind in told}
         facts.says |= kinds
         if connection.channel == "msg":
             facts.asks |= kinds & set(REQUESTS)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from splatbus_conformance.trials.testee.process import Testee
-from splatbus_conformance.wire.first_bytes import cut_short, misread, recognised
+from splatbus_conformance.wire.first_bytes import astray, cut_short, recognised
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
 from splatbus_conformance.wire.messages import Json
@@ -84,11 +84,11 @@ def _foreign(met: Sequence[ObservedConnection]) -> list[str]:
     """What is no packet, or no JSON, is said once for each channel."""
     found: dict[Channel, str] = {}
     for it in met:
-        if it.refused:
+        if it.unread and (known := astray(it.unread, it.refused)):
+            told = f"a payload that is no JSON: {it.unread[:12]!r}"
+        elif it.refused:
             known = recognised(it.refused)
             told = f"bytes that are no packet: {it.refused[:8].hex(' ')}"
-        elif it.unread and misread(it.unread):
-            known, told = misread(it.unread), f"a payload that is no JSON: {it.unread[:12]!r}"
         elif known := cut_short(it.unfinished):
             told = f"a payload of which more was announced: {it.unfinished[:12]!r}"
         else:

@@ -36,6 +36,17 @@ ODD_MESSAGES: tuple[Json, ...] = (
     *({"type": "telemetry", "seq": 0, "time": 0.5, **broken} for broken in BAD_TELEMETRY),
 )
 """Messages that break rules of their own; none of them announces memory."""
+RULE_OF = {
+    "welcome": "NEG-30",
+    "frame": "IMG-1",
+    "error": "NEG-23",
+    "telemetry": "TEL-2",
+    "viewport_size": "REQ-3",
+    "camera": "REQ-5",
+    "scene": "SCN-2",
+    "pong": "PNG-2",
+}
+"""What a message of a type breaks that is not as it should be."""
 
 
 @check(
@@ -166,7 +177,9 @@ def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
 
 def _odd_messages() -> list[BrokenText]:
     return [
-        BrokenText("NEG-23", f"the message {shorten(str(message))}", encode(message), kind)
+        BrokenText(
+            RULE_OF[message["type"]], f"the message {shorten(str(message))}", encode(message), kind
+        )
         for message in ODD_MESSAGES
         for kind in [f"{message['type']} {'code' in message}"]
     ]

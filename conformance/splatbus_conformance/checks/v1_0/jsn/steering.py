@@ -26,7 +26,9 @@ def check_writes_numbers_once_it_has_images(trial: ClientTrial) -> None:
         trial.connection("ipc")
         dealings = trial.role.with_(trial.connection("msg"))
         if not trial.wait(lambda: any(map(dealings.count, POSES))):
-            trial.not_observable("the testee sent no pose after an init packet of 1.0")
+            trial.not_observable(
+                "the testee sent no pose that can be read after an init packet of 1.0"
+            )
         heard = (m for it in conversations(trial.peer.entries) for m in it.sent_by("client"))
         faults = [it for m in heard if m.kind in POSES for it in m.faults]
         wrong = next((it for it in faults if it.requirement == trial.requirement.id), None)
