@@ -11,14 +11,24 @@ LAYERS = (
     (("INI", "MEM", "OPN", "CUD"), "without memory there are no images"),
 )
 """Clauses that others rest on, lowest first, and why."""
+ROOTS = {
+    "removed-memory": "memory that it has removed is not there for anybody",
+    "wrote-to-memory": "what it writes is shown in place of the images",
+    "unknown-image": "an image that is never given back is the last",
+    "unknown-generation": "memory that is never answered for has no images",
+}
+"""Codes of failures that others come of, and why."""
+PARSER = ("JSN-6", "JSN-7", "JSN-8", "JSN-9", "JSN-10")
+"""What is asked of who reads a text."""
 _RANK = {clause: rank for rank, (clauses, _) in enumerate(LAYERS) for clause in clauses}
+MANY = 3
 _SEVEREST = (Verdict.FAIL, Verdict.ERROR, Verdict.WARN)
 
 
 def in_order(results: Iterable[Result]) -> list[Result]:
     """What was broken, in the order in which to look at it: failures before advice that was not
-    followed; what the testee sends by itself before what it makes of what it is sent; and of
-    those, lower layers first.
+    followed; those that others come of first; what the testee sends by itself before what it makes
+    of what it is sent; and of those, lower layers first.
     """
     broken = [result for result in results if result.verdict in _SEVEREST]
     return sorted(broken, key=_place)
@@ -28,9 +38,16 @@ def start_with(results: Sequence[Result]) -> str:
     """A sentence on which failure to mend first, if there is reason to believe that others come of
     it; else nothing.
 
-    Only what a testee sends by itself spoils what follows: how it takes hostile input does not.
+    Only what a testee sends by itself spoils what follows, and what it does to the memory: how it
+    takes hostile input does not, unless one parser takes much of it wrongly.
     """
     ordered = [it for it in in_order(results) if it.verdict is Verdict.FAIL]
+    broken = {it.requirement for it in ordered}
+    if ordered and (why := ROOTS.get(ordered[0].code)) and len(broken) > 1:
+        others = _counted(broken - {ordered[0].requirement}, "other failure")
+        return f"Start with {ordered[0].requirement}: {why}; {others} may follow from it."
+    if len(read := [it for it in PARSER if it in broken]) >= MANY:
+        return f"Start with {read[0]}: one parser reads what {', '.join(read)} ask about."
     if not ordered or not _by_itself(ordered[0]) or _rank(ordered[0]) > _RANK["JSN"]:
         return ""
     first = ordered[0]
@@ -47,8 +64,9 @@ def start_with(results: Sequence[Result]) -> str:
     return f"Start with {first.requirement}: {LAYERS[_rank(first)][1]}; {', and '.join(follow)}."
 
 
-def _place(result: Result) -> tuple[int, bool, int]:
-    return _SEVEREST.index(result.verdict), not _by_itself(result), _rank(result)
+def _place(result: Result) -> tuple[int, bool, bool, int]:
+    severity, is_root = _SEVEREST.index(result.verdict), result.code in ROOTS
+    return severity, not is_root, not _by_itself(result), _rank(result)
 
 
 def _counted(names: set[str], word: str) -> str:

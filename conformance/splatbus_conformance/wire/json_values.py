@@ -7,6 +7,7 @@ gives one: `within`, `whole`, `finite`, `finites` and `texts` take whatever a te
 import json
 import math
 import re
+import struct
 from itertools import pairwise
 from typing import Any
 
@@ -48,6 +49,22 @@ def integer_in(value: Any, low: int, high: int = SAFE) -> bool:
 def whole(value: Any, low: int = -SAFE, high: int = SAFE) -> int | None:
     """The integer that a value is, for reckoning with; None if it is none within the range."""
     return int(value) if integer_in(value, low, high) and not unspeakable(value) else None
+
+
+def as_cut(value: object, *meant: int | None) -> str:
+    """As the end of a sentence, how one of these integers became another: by the bits that a
+    program has for it, or by single precision. Nothing if it did not.
+    """
+    for number in meant if (found := whole(value)) is not None else ():
+        if number is None or number == found:
+            continue
+        for bits in (32, 16):
+            low = number % (1 << bits)
+            if found in (low, low - (1 << bits)):
+                return f": {number} was cut to {bits} bits"
+        if found == int(struct.unpack("<f", struct.pack("<f", number))[0]):
+            return f": {number} was rounded to single precision"
+    return ""
 
 
 def within(value: object, *path: str | int) -> Any:

@@ -1,5 +1,7 @@
 """The order in which to look at failures, and when it is honest to say that others follow."""
 
+from dataclasses import replace
+
 from splatbus_conformance.reports.triage import in_order, start_with
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import Level, Result, Verdict
@@ -45,3 +47,21 @@ def test_nothing_follows_from_how_hostile_input_is_taken_or_from_one_failure_alo
     assert start_with([sent("FRM-2")]) == ""
     assert start_with([sent("POS-2"), sent("POS-3")]) == ""
     assert start_with([sent("FRM-7", Verdict.WARN), done("CHN-9")]) == ""
+
+
+def test_what_is_done_to_the_memory_comes_before_what_follows_from_it() -> None:
+    removed = replace(done("OPN-10"), code="removed-memory")
+    results = [done("JSN-6"), sent("FRM-2"), done("IMG-13"), removed]
+    assert in_order(results)[0] is removed
+    assert start_with(results) == (
+        "Start with OPN-10: memory that it has removed is not there for anybody; 3 other failures"
+        " may follow from it."
+    )
+    assert start_with([removed]) == ""
+
+
+def test_what_one_parser_takes_wrongly_is_one_thing_to_mend() -> None:
+    read = [done(name) for name in ("JSN-10", "JSN-6", "JSN-8", "IMG-24")]
+    assert start_with(read) == (
+        "Start with JSN-6: one parser reads what JSN-6, JSN-8, JSN-10 ask about."
+    )

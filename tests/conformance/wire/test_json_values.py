@@ -4,6 +4,7 @@ import math
 
 import pytest
 from splatbus_conformance.wire.json_values import (
+    as_cut,
     as_double,
     ascending,
     finite,
@@ -140,3 +141,20 @@ def test_what_can_be_reckoned_with() -> None:
     assert finites("12", 2) is None
     assert texts(["a", 1, None, "b"]) == ["a", "b"]
     assert texts({"a": "b"}) == []
+
+
+@pytest.mark.parametrize(
+    ("number", "meant", "words"),
+    [
+        (1, 2**32 + 1, "cut to 32 bits"),
+        (-2, 2**32 - 2, "cut to 32 bits"),
+        (5, 2**16 + 5, "cut to 16 bits"),
+        (2**24, 2**24 + 1, "rounded to single precision"),
+        (7, 7, ""),
+        (8, 7, ""),
+        ("x", 7, ""),
+        (8, None, ""),
+    ],
+)
+def test_how_a_number_was_cut_is_told(number, meant, words):
+    assert words in as_cut(number, meant) if words else not as_cut(number, meant)

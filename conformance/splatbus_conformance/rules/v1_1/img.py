@@ -13,6 +13,7 @@ from splatbus_conformance.rules.v1_1.mem import announced, capabilities
 from splatbus_conformance.wire.conversation import Conversation
 from splatbus_conformance.wire.json_values import (
     SAFE,
+    as_cut,
     integer_in,
     is_number,
     numbers,
@@ -117,6 +118,8 @@ def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]
                 wrong = Breach("not-an-integer", "generation or seq is missing or no integer")
             elif not lent[image]:
                 text = f"no frame had generation {image[0]} and seq {image[1]}"
+                text += as_cut(image[1], *(seq for _, seq in lent))
+                text += as_cut(image[0], *(generation for generation, _ in lent))
                 wrong = Breach("unknown-image", text)
             elif released[image] > lent[image]:
                 text = f"image {image[1]} of generation {image[0]} is released a second time"

@@ -9,7 +9,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.rules import Breach, Rule, Sighting, about, rule
 from splatbus_conformance.rules.v1_1.mem import AnnouncedMemory, announced
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import SAFE, integer_in, show, text_of
+from splatbus_conformance.wire.json_values import SAFE, as_cut, integer_in, show, text_of, whole
 
 MAX_REASON: int = LIMITS["max_reason_chars"]
 ANSWERS = ("opened", "open_failed")
@@ -107,6 +107,7 @@ def _answer(
         return
     if not named:
         text = f"no init packet on this connection had generation {show(generation)}"
+        text += as_cut(generation, *(whole(packet.generation) for packet in known))
         yield about(
             conversation, message, "OPN-11", Breach("unknown-generation", text), "/generation"
         )
