@@ -307,6 +307,7 @@ class CheckPlugin:
         elif error is None and not text:
             text = f"{delivered} delivered; seen of each: {check.observable}"
         if error is None and self.trial_now:
+            text += f"; {self.trial_now.extent}" if self.trial_now.extent else ""
             unseen = self.trial_now.unseen.items()
             text += "".join(f"; nothing is said of the {at} channel: {why}" for at, why in unseen)
         evidence: tuple[str, ...] = ()

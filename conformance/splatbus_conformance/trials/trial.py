@@ -73,6 +73,8 @@ class Trial:
         self.peer, self.testee, self.patience, self.stand_in, self.device = stand
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
+        self.extent = ""
+        """How far a check of a limit has come, for whoever reads that it passed."""
         self.purpose = requirement.id
         """What the check does, for whoever has to start the testee for it."""
         self.losses: list[LostSign] = []

@@ -67,6 +67,7 @@ def check_connections_are_limited(trial: ServerTrial, channel: Channel) -> None:
     trial.expect(
         limited, "not-limited", f"{count} connections on the {channel} channel are all kept open"
     )
+    trial.extent = f"of {count} connections not all were kept"
     trial.delivered += len(connections)
     for connection in connections:
         connection.close()
@@ -101,6 +102,7 @@ def check_who_stops_reading_is_closed(trial: ServerTrial) -> None:
     has to show that something does, as Linux does.
     """
     stands = stalled(trial, [CAMERA_REQUEST])
+    trial.extent = stands.extent
     outcome = flood(trial, stands.connection, stands.request, 0, 0.0)
     if outcome == "hangs" and not stands.waits:
         trial.not_observable("nothing shows that replies wait in the server")

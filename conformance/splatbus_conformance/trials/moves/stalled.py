@@ -31,6 +31,13 @@ class Stalled(NamedTuple):
     waits: int | None
     """Bytes of replies that wait in the server, which may keep more; None if it is not shown."""
 
+    @property
+    def extent(self) -> str:
+        """How many requests it took until replies waited in the server, if they did."""
+        if self.waits is None:
+            return f"{self.asked} requests went out; the system does not show what waits"
+        return f"after {self.asked} requests {max(0, self.waits)} bytes of replies waited in it"
+
 
 def stalled(trial: ServerTrial, requests: list[Json]) -> Stalled:
     """Ask for the longest of the replies to these, as often as it takes for some to wait."""

@@ -161,6 +161,7 @@ def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
         if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
         trial.delivered += bool(client and trial.replies(client))
+    trial.extent = f"of {len(came)} connections {trial.delivered} were served"
 
 
 @check(
@@ -295,6 +296,7 @@ def check_answers_all_that_waits_before_the_end(trial: ServerTrial) -> None:
     stream, and it reads.
     """
     stands = stalled(trial, [CAMERA_REQUEST])
+    trial.extent = stands.extent
     what = f"{stands.asked} requests, of which no reply was read, and the end of the stream"
     _expect_answers(trial, stands.connection, stands.heard, stands.asked, what)
 
