@@ -6,6 +6,7 @@ images tell which one they fit.
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,9 @@ FITS = 0.75
 """The share of points that agree, from which a reading explains the images."""
 APART = 0.25
 """How much more must agree with one reading than with another to tell them apart."""
+SOFT, CLEAR = 0.2, 4.0
+"""What tells as much of soft splats, whose depths agree at few points by any reading: which share
+agrees, and how many times more than by another reading."""
 
 
 class DepthView(NamedTuple):
@@ -72,20 +76,56 @@ def agreement(pair: ViewPair, reading: Misreading) -> float:
     Points that leave the image, or land beside an edge of it, do not count; if few are left, as
     many are taken to disagree as LEAST_LANDED and LEAST_POINTS have it.
     """
+    points, landing = _projected(pair, reading)
+    return len(landing.agree) / max(landing.counted, LEAST_LANDED * points, LEAST_POINTS)
+
+
+def same_rows(before: Reals, after: Reals, pair: ViewPair, reading: Misreading) -> bool:
+    """Whether what else two images hold (h, w), brightness say, lies as this reading of their
+    depths has it, rather than as it is stored.
+    """
+    _, landing = _projected(pair, reading)
+    row, column = landing.row[landing.agree], landing.column[landing.agree]
+    off = []
+    for read in (reading.depth, AS_SPECIFIED.depth):
+        some, others = (
+            read(view._replace(depth=values))
+            for view, values in zip(pair[:2], (before, after), strict=True)
+        )
+        begun = some.ravel()[landing.begun[landing.agree]]
+        off.append(float(np.abs(begun - others[row, column]).mean()))
+    return off[0] <= off[1]
+
+
+class _Landing(NamedTuple):
+    """Where points of one image come to lie in the other."""
+
+    begun: NDArray[np.int64]
+    """From which pixels they come, of those that land inside."""
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    counted: int
+    """How many land within smooth depth or nothing."""
+    agree: NDArray[np.int64]
+    """Which of these land at their own depth."""
+
+
+def _projected(pair: ViewPair, reading: Misreading) -> tuple[int, _Landing]:
     before, after, moved = pair
     depth = reading.depth(before)
     seen = np.flatnonzero(np.isfinite(depth) & (depth > 0))
-    rows, columns = np.divmod(seen[:: max(1, len(seen) // MOST_POINTS)], depth.shape[1])
+    seen = seen[:: max(1, len(seen) // MOST_POINTS)]
+    rows, columns = np.divmod(seen, depth.shape[1])
     points = depth[rows, columns, None] * before.camera.rays_at(columns, rows)
     world = reading.scene(moved).place(reading.pose(before).place(points))
     arrived = reading.pose(before if reading.still else after).sees(world)
-    counted, right = _compare(arrived, after.camera, reading.depth(after))
-    return right / max(counted, LEAST_LANDED * len(points), LEAST_POINTS)
+    return len(points), _land(seen, arrived, after.camera, reading.depth(after))
 
 
-def _compare(points: Reals, camera: Camera, depth: Reals) -> tuple[int, int]:
-    """How many points (n, 3) in camera axes land within smooth depth or nothing, and agree."""
-    points = points[np.isfinite(points).all(axis=-1) & (points[:, 2] > 0)]
+def _land(begun: NDArray[np.int64], points: Reals, camera: Camera, depth: Reals) -> _Landing:
+    """Points (n, 3) in camera axes, and where they land."""
+    ahead = np.isfinite(points).all(axis=-1) & (points[:, 2] > 0)
+    begun, points = begun[ahead], points[ahead]
     with np.errstate(over="ignore"):
         u = camera.fx * points[:, 0] / points[:, 2] + camera.cx - 0.5
         v = camera.fy * points[:, 1] / points[:, 2] + camera.cy - 0.5
@@ -101,7 +141,8 @@ def _compare(points: Reals, camera: Camera, depth: Reals) -> tuple[int, int]:
     # 1/z of a plane is linear in the image: between pixels it is right where z would not be.
     between = np.stack(((1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y))
     agrees = smooth & (np.abs(z * (between * corners).sum(axis=0) - 1.0) <= CLOSE)
-    return int((smooth | nothing).sum()), int(agrees.sum())
+    counted = int((smooth | nothing).sum())
+    return _Landing(begun[inside], row, column, counted, np.flatnonzero(agrees))
 
 
 def explain(pairs: Iterable[ViewPair], readings: Sequence[Misreading]) -> NDArray[np.float64]:
@@ -109,6 +150,13 @@ def explain(pairs: Iterable[ViewPair], readings: Sequence[Misreading]) -> NDArra
     shares = [[agreement(pair, reading) for reading in readings] for pair in pairs]
     worst: NDArray[np.float64] = np.array(shares).reshape(-1, len(readings)).min(axis=0)
     return worst
+
+
+def tells(share: float, other: float) -> bool:
+    """Whether a reading explains images, by which this share of the points agree, and not one by
+    which that other share does.
+    """
+    return (share >= FITS and share - other >= APART) or share >= max(SOFT, CLEAR * other)
 
 
 AS_SPECIFIED = Misreading("as-specified", "what the frames say")
@@ -146,6 +194,16 @@ def _planar(view: DepthView) -> Reals:
 def _inverse(view: DepthView) -> Reals:
     with np.errstate(divide="ignore"):
         depth: Reals = np.where(np.isfinite(view.depth), 1.0 / view.depth, np.inf)
+    return depth
+
+
+def _of_z_buffer(view: DepthView, *, reverse: bool) -> Reals:
+    """Planar depth, if what was stored is what a GPU tests against, from 0 at near to 1 at far."""
+    near, far = view.camera.near, view.camera.far
+    stored = 1.0 - view.depth if reverse else view.depth
+    drawn = np.isfinite(stored) & (stored > 0) & (stored < 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth: Reals = np.where(drawn, near * far / (far - stored * (far - near)), np.inf)
     return depth
 
 
@@ -190,7 +248,20 @@ ROWS = (
         "images-turned", "images turned by 180 degrees", depth=lambda view: view.depth[::-1, ::-1]
     ),
 )
+Z_BUFFERS = (
+    Misreading(
+        "z-buffer",
+        "values of a z-buffer, from 0 at near to 1 at far",
+        depth=partial(_of_z_buffer, reverse=False),
+    ),
+    Misreading(
+        "z-buffer-reversed",
+        "values of a z-buffer, from 1 at near to 0 at far",
+        depth=partial(_of_z_buffer, reverse=True),
+    ),
+)
 DEPTHS = (
+    *Z_BUFFERS,
     Misreading("ray-distances", "distances along the ray instead of planar depths", depth=_planar),
     Misreading("inverse-depths", "inverse depths", depth=_inverse),
     *(_scaled(factor) for factor in (1e-3, 1e-2, 0.1, 0.3048, 0.5, 2.0, 10.0, 100.0, 1e3)),

@@ -17,10 +17,13 @@ from splatbus_conformance.images.reprojection import (
     FITS,
     MIRRORED,
     ROWS,
+    Z_BUFFERS,
     Misreading,
     ViewPair,
     explain,
     named,
+    same_rows,
+    tells,
 )
 from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.server import ServerTrial
@@ -117,7 +120,7 @@ def judge_readings(trial: ServerTrial, wrong: Sequence[Misreading], *scales: flo
     silent = []
     for scale in scales or (1.0,):
         taken = survey(trial, scale)
-        finding = _weigh(trial, taken, wrong)
+        finding = weigh(trial, taken, wrong)
         if finding.broken:
             _expect_still(trial, taken)
             trial.violated(finding.code, finding.broken)
@@ -127,9 +130,10 @@ def judge_readings(trial: ServerTrial, wrong: Sequence[Misreading], *scales: flo
     trial.not_observable(silent[0])
 
 
-def _weigh(
+def weigh(
     trial: ServerTrial, taken: Sequence[SurveyShot], wrong: Sequence[Misreading]
 ) -> SurveyFinding:
+    """What these images tell of a requirement that is broken where they fit one of the readings."""
     if len(taken) <= len(MOVES):
         return SurveyFinding(silent="the server did not show the camera where it was put")
     *others, base = (it.photograph.view() for it in taken)
@@ -143,26 +147,42 @@ def _weigh(
         )
         return SurveyFinding(silent=said if alike else "")
     best = float(shares[1:].max())
-    found = [it for it in EVERY[1:] if by_words[it] > best - ALIKE]
+    if right >= best and tells(right, max(by_words[it] for it in wrong)):
+        return SurveyFinding()
+    # Values that are all but alike fit wherever the camera was.
+    found = [it for it in Z_BUFFERS if tells(by_words[it], right)]
+    best = max(by_words[it] for it in found) if found else best
+    found = found or [it for it in EVERY[1:] if by_words[it] > best - ALIKE]
     if trial.facts.scene_known:
         found = [it for it in found if it not in ROWS]
-    if best < FITS or best - right < APART or not found:
+    if not found or not tells(best, right):
         return SurveyFinding(
             silent="the images cannot tell from where they are seen, as those of soft or sparse"
             f" splats cannot: {right:.0%} of the points of one are where another has them by what"
             f" the frames say, and {best:.0%} by the likeliest mistake"
         )
     guilty = MIRRORED if MIRRORED in found else found[0]
-    if guilty not in wrong:
+    depth_alone = guilty in ROWS and _depth_alone(taken, guilty)
+    others_ = [] if depth_alone else [it.words for it in found if it != guilty]
+    words = [guilty.words + ", of depth alone" * depth_alone, *others_]
+    if guilty not in wrong or not (guilty == MIRRORED or set(found) <= set(wrong)):
         return SurveyFinding(
-            silent=f"the images fit {guilty.words}, which other requirements forbid"
+            silent=f"the images fit {_either(words)}, which other requirements forbid"
         )
     return SurveyFinding(
-        f"the images fit {_either([guilty.words, *(it.words for it in found if it != guilty)])}:"
+        f"the images fit {_either(words)}:"
         f" {best:.0%} of the points of one image are where another one has them by that,"
         f" and {right:.0%} by what the frames say",
         code=guilty.code,
     )
+
+
+def _depth_alone(taken: Sequence[SurveyShot], reading: Misreading) -> bool:
+    """Whether colours lie as they should where depths lie as this reading has it."""
+    *others, base = (it.photograph for it in taken)
+    pair = ViewPair(base.view(), others[0].view())
+    before, after = (it.color[..., :3].mean(axis=-1, dtype=np.float64) for it in (base, others[0]))
+    return not same_rows(before, after, pair, reading)
 
 
 def _expect_still(trial: ServerTrial, taken: Sequence[SurveyShot]) -> None:
