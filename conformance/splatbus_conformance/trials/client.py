@@ -15,7 +15,12 @@ from splatbus_conformance.trials.returning import (
     tries_to_go_on,
 )
 from splatbus_conformance.trials.scripted_server import ScriptedServer
-from splatbus_conformance.trials.testee.adapter import Adapted, ClientCrashed, Greeting
+from splatbus_conformance.trials.testee.adapter import (
+    Adapted,
+    AdapterBroken,
+    ClientCrashed,
+    Greeting,
+)
 from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS, ClientFacts
 from splatbus_conformance.trials.testee.probe_advice import does_not_come
 from splatbus_conformance.trials.trial import (
@@ -32,6 +37,8 @@ from splatbus_conformance.wire.sockets import Connection
 
 MANY_CONNECTIONS = 6
 """From which on the quick profile delivers only what it has to."""
+STARTING_SECONDS, STARTS_SOONER = 0.5, 2.0
+"""What it takes to end a testee beside its start; and how much longer it has to stay away."""
 MISSED_SECONDS = 3.0
 """After which it is said that a testee is waited for."""
 
@@ -77,7 +84,8 @@ class ClientTrial(Trial):
         seconds = return_seconds(self) if seconds is None else seconds
         if self._used and "exits" not in self.requirement.acceptable:
             self.charge_its_end()
-        if self.testee.ended() or self._takes_a_start(channel):
+        sooner = self._used and self._starts_sooner()
+        if self.testee.ended() or self._takes_a_start(channel) or sooner:
             self.end_testee()
             if not self.testee.asked_to_start(self.purpose):
                 self.not_observable("it would take a further start of the client by hand")
@@ -107,6 +115,13 @@ class ClientTrial(Trial):
         """Have the next connection be made by a testee that was just started, where that can be."""
         if self.testee.expendable:
             self.end_testee()
+
+    def _starts_sooner(self) -> bool:
+        """One that was just started is there before this one has come back; that it does come back
+        shows in the first connection of each check, and where one asks for it.
+        """
+        starts = self.facts.start_seconds + STARTING_SECONDS
+        return self.testee.expendable and self.facts.away_seconds > STARTS_SOONER * starts
 
     def _takes_a_start(self, channel: Channel) -> bool:
         """Only a testee that is started anew connects there: this one has done so, and is gone."""
@@ -201,6 +216,10 @@ class ClientTrial(Trial):
             return self._adapted().take(command)
         except ClientCrashed as crash:
             self.violated("dies", f"told to {command}, {crash}")
+        except AdapterBroken:
+            if not (self.facts.leaves and self.fate() == "exits"):
+                raise
+            self.not_observable("it has ended with its server, as it may (CHN-17)")
 
     def _adapted(self) -> Adapted:
         assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"

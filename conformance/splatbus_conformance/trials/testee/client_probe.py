@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from splatbus_conformance.images.memory.device import why_no_device
 from splatbus_conformance.trials import memory_pace
+from splatbus_conformance.trials.returning import absence
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import os_evidence, probe_advice
 from splatbus_conformance.trials.testee.adapter import Greeting
@@ -225,6 +226,7 @@ def _both(first: ClientFacts, second: ClientFacts) -> ClientFacts:
         leaves=first.leaves or second.leaves,
         start_seconds=max(first.start_seconds, second.start_seconds),
         memory_seconds=max(first.memory_seconds, second.memory_seconds),
+        away_seconds=max(first.away_seconds, second.away_seconds),
         slowest_answer=max(first.slowest_answer, second.slowest_answer),
         advice=list(second.advice),
     )
@@ -260,6 +262,9 @@ def _meet(peer: Peer, role: ScriptedServer, testee: Testee, patience: float) -> 
     peer.until(lambda: back() == facts.connects or testee.ended(), RETURN_SECONDS)
     facts.returns = back() & {c.channel for c in met}  # a late first connection is no return
     facts.connects |= back()
+    for connection in peer.connections:
+        if connection not in met:
+            facts.was_away(absence(peer, connection, testee.started))
     ended = testee.ended()
     facts.leaves = ended is not None and not ended.crashed
 
