@@ -158,6 +158,8 @@ def check_the_scene_is_at_rest_at_first(trial: ServerTrial) -> None:
     told = capture.take(Pose(*first.pose))
     if told.depth.shape != first.depth.shape:
         trial.not_observable("the server has changed the size of its images")
+    if told.frame.get("time") != first.frame.get("time"):
+        trial.not_observable("the server shows another time than at first")
     if alike(told, first):
         return
     capture.take(elsewhere)
