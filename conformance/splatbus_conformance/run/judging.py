@@ -130,7 +130,8 @@ def _report(
     why_none = INTERRUPTED if interrupted else ended
     sentence, verdicts = summary(results, judged, reached(results), level, why_none)
     if findings.left:
-        sentence += f"; {findings.left} checks did not run, for {findings.cut}"
+        why = "" if findings.cut in sentence else f", for {findings.cut}"
+        sentence += f"; {findings.left} checks did not run{why}"
     if fewer:
         sentence += "; fewer than usual were observed: busy machine"
     deselected = left_out(plan)
