@@ -6,11 +6,11 @@ from pathlib import Path
 
 from splatbus_conformance.images.memory.device import STAND_IN
 from splatbus_conformance.run.testbed import Testbed
-from splatbus_conformance.trials.testee.client_probe import SLOW_START_SECONDS, ClientFacts
+from splatbus_conformance.trials.testee.client_probe import SLOW_SECONDS
 from splatbus_conformance.trials.testee.os_evidence import PROC, members
 
 MOST, MOST_SLOW = 6, 12
-"""More than cores: most of the time a check waits; most of all for one that is slow to start."""
+"""More than cores: most of the time a check waits; most of all for one that takes its time."""
 GLANCE_SECONDS = 0.3
 SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
 """How much of the machine all instances may take together while they are left alone."""
@@ -29,9 +29,8 @@ def at_a_time(testbed: Testbed) -> int:
         return 1
     by_cores = SHARE_OF_CORES * (os.cpu_count() or 1) / max(busy, 0.01)
     by_memory = SHARE_OF_MEMORY * _free_bytes() / resident
-    facts = testbed.facts
-    slow = isinstance(facts, ClientFacts) and facts.start_seconds >= SLOW_START_SECONDS
-    return max(1, min(MOST_SLOW if slow else MOST, int(by_cores), int(by_memory)))
+    most = MOST_SLOW if testbed.facts.waited_for >= SLOW_SECONDS else MOST
+    return max(1, min(most, int(by_cores), int(by_memory)))
 
 
 def _cpu_seconds(group: int) -> float:

@@ -20,6 +20,10 @@ class Facts(Protocol):
     device: str
     """Where device memory lies: a GPU, or the stand-in; nothing if there is none."""
 
+    @property
+    def waited_for(self) -> float:
+        """For how many seconds it has to be waited for, now and then."""
+
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
 

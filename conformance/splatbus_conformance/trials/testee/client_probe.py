@@ -31,7 +31,7 @@ QUIET_SECONDS = 2.0
 PARTING_SECONDS = 0.5
 RETURN_SECONDS = 5.3
 """How long it may take to come back (CHN-22), and a little more."""
-SLOW_START_SECONDS = 2.0
+SLOW_SECONDS = 2.0
 PACES = 3.0
 """How much longer than the longest answer so far another may take."""
 MOST_EFFECT_SECONDS = 30.0
@@ -85,6 +85,11 @@ class ClientFacts:
     """The longest that it stayed away before it came back, while it was listened for."""
     advice: list[str] = field(default_factory=list)
     """What the meeting suggests to its author."""
+
+    @property
+    def waited_for(self) -> float:
+        """For how long it has to be waited for, now and then: its start, or that it comes back."""
+        return max(self.start_seconds, self.away_seconds)
 
     @property
     def effect_seconds(self) -> float:
@@ -143,7 +148,7 @@ class ClientFacts:
             parts.append("asks only once a start")
         if self.probes:
             parts.append("opens connections first that it closes again")
-        if self.start_seconds >= SLOW_START_SECONDS:
+        if self.start_seconds >= SLOW_SECONDS:
             parts.append(f"takes {self.start_seconds:.0f} s to start")
         return ", ".join(parts)
 

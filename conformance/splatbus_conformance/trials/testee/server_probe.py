@@ -63,6 +63,8 @@ class ServerFacts:
     """That image is of the scene of `conformance/SCENE.md`."""
     scene: Json | None = None
     """The reply to `get_scene`."""
+    waited_for: float = 0.0
+    """For how long it has to be waited for, now and then: its start, or an image."""
     plays: bool = False
     """The time of its scene goes by until a client sets it."""
     errs: bool = False
@@ -181,6 +183,7 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
     facts = ServerFacts()
     old = {channel: reach(peer, testee, channel, patience) for channel in CHANNELS}
     facts.listens = {channel: connection is not None for channel, connection in old.items()}
+    facts.waited_for = time.monotonic() - testee.started if testee.started else 0.0
     if not any(facts.listens.values()):
         where = " and ".join(_refusal(peer, channel) for channel in CHANNELS)
         raise not_met(testee, "server", where, peer.host, patience)
@@ -233,7 +236,9 @@ def _greet(connection: Connection, peer: Peer, viewer: ScriptedClient, facts: Se
     facts.unauthorized |= "unauthorized" in dealings.errors()
     facts.errs |= any(map(_is_of_1_1, dealings.heard))
     if channel == "ipc" and dealings.welcome:
+        began = time.monotonic()
         peer.until(lambda: dealings.frames or connection.ended, FRAME_SECONDS)
+        facts.waited_for = max(facts.waited_for, time.monotonic() - began)
         peer.pump(WHOLE_SECONDS)
         facts.first = _first(dealings)
         facts.init_packet = next(iter(dealings.init_packets), facts.init_packet)
