@@ -84,8 +84,7 @@ class ClientTrial(Trial):
         seconds = return_seconds(self) if seconds is None else seconds
         if self._used and "exits" not in self.requirement.acceptable:
             self.charge_its_end()
-        sooner = self._used and self._starts_sooner()
-        if self.testee.ended() or self._takes_a_start(channel) or sooner:
+        if self.testee.ended() or self._takes_a_start(channel) or self._starts_sooner(channel):
             self.end_testee()
             if not self.testee.asked_to_start(self.purpose):
                 self.not_observable("it would take a further start of the client by hand")
@@ -116,12 +115,15 @@ class ClientTrial(Trial):
         if self.testee.expendable:
             self.end_testee()
 
-    def _starts_sooner(self) -> bool:
+    def _starts_sooner(self, channel: Channel) -> bool:
         """One that was just started is there before this one has come back; that it does come back
         shows in the first connection of each check, and where one asks for it.
         """
+        returns = any(used.channel == channel for used in self._used)
+        in_use = any(used.channel != channel and not used.gone for used in self._used)
         starts = self.facts.start_seconds + STARTING_SECONDS
-        return self.testee.expendable and self.facts.away_seconds > STARTS_SOONER * starts
+        sooner = self.facts.away_seconds > STARTS_SOONER * starts
+        return self.testee.expendable and returns and not in_use and sooner
 
     def _takes_a_start(self, channel: Channel) -> bool:
         """Only a testee that is started anew connects there: this one has done so, and is gone."""

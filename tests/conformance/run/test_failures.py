@@ -161,6 +161,7 @@ NOT_HOW = {
     "selection": Selection(("FRM",)),
     "allow_crash": True,
     "parallel": 4,
+    "within": 60.0,
     "exitfirst": True,
     "record": "sessions",
 }

@@ -19,7 +19,6 @@ from splatbus_conformance.selftest.variations import (
     client.numbers_with_exponents,
     client.escapes_everywhere,
     client.header_and_payload_apart,
-    client.insists_on_another_size,
 )
 def says_all_at_length(patch: Patch) -> None:
     """Spells its messages as nobody does, and says more than it has to."""

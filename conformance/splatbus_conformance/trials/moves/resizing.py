@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import math
 import random
 import time
 from collections.abc import Iterator
@@ -122,6 +123,13 @@ def _restore(trial: ServerTrial) -> None:
             if trial.testee.expendable:
                 trial.testee.stop()
             return
+
+
+def told_at(reader: Connection) -> float:
+    """When the newest init packet came, by the monotonic clock: a reader may keep former memory for
+    a while from then on (VPT-8).
+    """
+    return max((it.ended for it in reader.packets if b'"meta"' in it.payload), default=math.inf)
 
 
 def size_of(init_packet: Json) -> tuple[int | None, int | None]:

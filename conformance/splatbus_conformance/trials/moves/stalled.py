@@ -42,9 +42,9 @@ class Stalled(NamedTuple):
 def stalled(trial: ServerTrial, requests: list[Json]) -> Stalled:
     """Ask for the longest of the replies to these, as often as it takes for some to wait."""
     connection = trial.dial_narrowly("msg")
-    answers = trial.ask_all(connection, requests)
+    trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
+    trial.ask_all(connection, requests)
     lengths = [HEADER + len(it.payload) for it in connection.packets[-len(requests) :]]
-    trial.expect(len(answers) == len(requests), "no-reply", "no reply on the message channel")
     heard, longest = len(trial.viewer.with_(connection).heard), max(lengths)
     request = packet(encode(requests[lengths.index(longest)]))
     asked, waits = 0, None

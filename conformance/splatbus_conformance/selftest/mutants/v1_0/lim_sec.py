@@ -1,8 +1,9 @@
 """Mutants that break LIM and SEC: they keep too much, or can be reached from everywhere."""
 
-import math
 from typing import Any
 
+from splatbus_schemas import LIMITS
+from splatbus_server import connection
 from splatbus_server.connection import Connection
 
 from splatbus_conformance.selftest.faults.patching import Patch
@@ -30,12 +31,7 @@ def server_keeps_every_reply(patch: Patch) -> None:
 @mutant("LIM-2", check="check_who_stops_reading_is_closed", code="hangs")
 def server_waits_for_who_reads_nothing(patch: Patch) -> None:
     """Keeps what it may keep for a client that does not read, however long."""
-
-    def sent(original: Any, self: Connection, count: int, now: float) -> None:
-        original(self, count, now)
-        self._send_by = math.inf
-
-    Seam(Connection, "sent").wrap(patch, sent)
+    Seam(connection, "LIMITS").replace(patch, {**LIMITS, "stalled_reader_seconds": 1e6})
 
 
 @mutant("SEC-1", check="check_listens_on_loopback_alone", code="beyond-loopback")
