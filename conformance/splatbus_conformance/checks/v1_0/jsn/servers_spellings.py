@@ -10,6 +10,7 @@ from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
+from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import show
 from splatbus_conformance.wire.messages import Json, camera_pose, encode, intrinsics
@@ -119,6 +120,7 @@ def of_receipts(trial: ServerTrial) -> Iterator[Judge]:
         trial.judge(outcome, f"the message {shown(written[-1])} on the IPC channel")
         trial.viewer.encode = encode
         connection.close()
+        trial.rest(GONE_SECONDS)
         trial.delivered += 1
 
     yield judge

@@ -277,6 +277,8 @@ def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> 
     silent = trial.greeted("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"])
     trial.wait(lambda: dealings_of(trial, silent).init_packets or silent.ended)
     trial.viewer.opens = True
+    if keeper.ended or other.ended:
+        trial.not_observable("the server ends a reader for a further one")
     late = [keeper, silent] if dealings_of(trial, silent).init_packets else [keeper]
     changed(trial, client, other_sizes(trial)[0])
     trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
