@@ -39,8 +39,8 @@ MANY_CONNECTIONS = 6
 """From which on the quick profile delivers only what it has to."""
 STARTING_SECONDS, STARTS_SOONER = 0.5, 2.0
 """What it takes to end a testee beside its start; and how much longer it has to stay away."""
-ABOUT_RETURNING = ("CHN", "NEG-24")
-"""Whose checks look at how a testee comes back."""
+ABOUT_READING = ("FRM", "JSN", "INI", "MEM", "REQ")
+"""Clauses whose checks have many cases, and look at nothing that a testee keeps between them."""
 MISSED_SECONDS = 3.0
 """After which it is said that a testee is waited for."""
 
@@ -125,7 +125,7 @@ class ClientTrial(Trial):
         in_use = any(used.channel != channel and not used.gone for used in self._used)
         starts = self.facts.start_seconds + STARTING_SECONDS
         sooner = self.facts.away_seconds > STARTS_SOONER * starts
-        sooner = sooner and not self.requirement.id.startswith(ABOUT_RETURNING)
+        sooner = sooner and self.requirement.id.startswith(ABOUT_READING)
         return self.testee.expendable and returns and not in_use and sooner
 
     def _takes_a_start(self, channel: Channel) -> bool:

@@ -15,6 +15,7 @@ from splatbus_conformance.trials.moves.frame_readers import joined
 from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import whole, within
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
@@ -129,7 +130,8 @@ def told_at(reader: Connection) -> float:
     """When the newest init packet came, by the monotonic clock: a reader may keep former memory for
     a while from then on (VPT-8).
     """
-    return max((it.ended for it in reader.packets if b'"meta"' in it.payload), default=math.inf)
+    came = (it.ended for it in reader.packets if "meta" in (read(it.payload).value or {}))
+    return max(came, default=math.inf)
 
 
 def size_of(init_packet: Json) -> tuple[int | None, int | None]:
