@@ -16,7 +16,8 @@ PORTION = 1 << 16
 ENOUGH = 2 * PORTION
 MOST_UNSHOWN = LIMITS["max_unsent_bytes"] - 2 * PORTION
 """Of which a server may keep all (LIM-2), where the system does not show what it keeps."""
-IDLE_TICKS = 10
+IDLE_TICKS, SETTLED_TICKS = 3, 40
+"""In which nothing moves: for a look, and before it is believed."""
 
 
 class Stalled(NamedTuple):
@@ -51,8 +52,11 @@ def stalled(trial: ServerTrial, requests: list[Json]) -> Stalled:
     while waits is None or waits < ENOUGH:
         portion = PORTION // longest
         asked += (taken := _pour(trial, connection, portion * request, len(request)))
-        kept = _held(trial, connection)
-        waits = None if kept is None else asked * longest - kept
+        for ticks in (IDLE_TICKS, SETTLED_TICKS):  # what is not answered yet does not wait yet
+            kept = _held(trial, connection, ticks)
+            waits = None if kept is None else asked * longest - kept
+            if waits is None or waits < ENOUGH:
+                break
         if taken < portion or (kept is None and asked * longest > MOST_UNSHOWN):
             break
     return Stalled(connection, heard, request, asked, waits)
@@ -76,17 +80,17 @@ def _pour(trial: ServerTrial, connection: Connection, data: bytes, length: int) 
     return sent // length
 
 
-def _held(trial: ServerTrial, connection: Connection) -> int | None:
-    """Bytes of replies in the systems of both ends, once the server has read what was asked, or
-    reads no more.
-    """
+def _held(trial: ServerTrial, connection: Connection, ticks: int) -> int | None:
+    """Bytes of replies in the systems of both ends, once nothing has moved for so many ticks."""
     mine, theirs = connection.port, connection.testee_port
-    server, unread, idle = os_evidence.queues(theirs, mine), 0, 0
-    while server and server.unread and idle < IDLE_TICKS:
-        idle, unread = idle + 1 if server.unread == unread else 0, server.unread
+    before, idle = None, 0
+    while idle < ticks:
         _look_away(trial)
-        server = os_evidence.queues(theirs, mine)
-    client = os_evidence.queues(mine, theirs)
+        now = os_evidence.queues(theirs, mine), os_evidence.queues(mine, theirs)
+        before, idle = now, idle + 1 if now == before else 0
+        if None in now:
+            return None
+    server, client = before or (None, None)
     return server.unsent + client.unread if server and client else None
 
 
