@@ -18,6 +18,7 @@ MOST_UNSHOWN = LIMITS["max_unsent_bytes"] - 2 * PORTION
 """Of which a server may keep all (LIM-2), where the system does not show what it keeps."""
 IDLE_TICKS, SETTLED_TICKS = 3, 40
 """In which nothing moves: for a look, and before it is believed."""
+MOST_TICKS = 500
 
 
 class Stalled(NamedTuple):
@@ -84,7 +85,9 @@ def _held(trial: ServerTrial, connection: Connection, ticks: int) -> int | None:
     """Bytes of replies in the systems of both ends, once nothing has moved for so many ticks."""
     mine, theirs = connection.port, connection.testee_port
     before, idle = None, 0
-    while idle < ticks:
+    for _ in range(MOST_TICKS):
+        if idle >= ticks:
+            break
         _look_away(trial)
         now = os_evidence.queues(theirs, mine), os_evidence.queues(mine, theirs)
         before, idle = now, idle + 1 if now == before else 0
