@@ -1,7 +1,7 @@
 """A client that asks and reads no reply, until some wait in the server."""
 
 import time
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 from splatbus_schemas import LIMITS
 
@@ -16,22 +16,33 @@ PORTION = 1 << 16
 ENOUGH = 2 * PORTION
 MOST_UNSHOWN = LIMITS["max_unsent_bytes"] - 2 * PORTION
 """Of which a server may keep all (LIM-2), where the system does not show what it keeps."""
-IDLE_TICKS, SETTLED_TICKS = 3, 40
-"""In which nothing moves: for a look, and before it is believed."""
+IDLE_TICKS = 3
+"""In which nothing moves: what is not answered yet does not wait yet."""
 MOST_TICKS = 500
+PATIENCE_SECONDS = LIMITS["stalled_reader_seconds"] / 2
+"""For which no server ends a client of which TCP takes nothing (LIM-2)."""
 
 
-class Stalled(NamedTuple):
+@dataclass
+class Stalled:
     """A connection on which nothing is read for now."""
 
+    trial: ServerTrial
     connection: Connection
-    heard: int
-    """Messages that had come before."""
     request: bytes
-    asked: int
-    """Requests that went out whole, which are not answered yet."""
-    waits: int | None
-    """Bytes of replies that wait in the server, which may keep more; None if it is not shown."""
+    reply: int
+    """Bytes of a reply to it."""
+    sent: int = 0
+    """Bytes of requests that went out and are not answered yet; the last may be incomplete."""
+    waits: int | None = 0
+    """Bytes of replies that waited in the server, which may keep more; None if it is not shown."""
+    moved: float = field(default_factory=time.monotonic)
+    """When TCP last moved something, or earlier."""
+
+    @property
+    def asked(self) -> int:
+        """Requests that went out whole."""
+        return self.sent // len(self.request)
 
     @property
     def extent(self) -> str:
@@ -40,61 +51,55 @@ class Stalled(NamedTuple):
             return f"{self.asked} requests went out; the system does not show what waits"
         return f"after {self.asked} requests {max(0, self.waits)} bytes of replies waited in it"
 
-
-def stalled(trial: ServerTrial, requests: list[Json]) -> Stalled:
-    """Ask for the longest of the replies to these, as often as it takes for some to wait."""
-    connection = trial.dial_narrowly("msg")
-    trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
-    trial.ask_all(connection, requests)
-    lengths = [HEADER + len(it.payload) for it in connection.packets[-len(requests) :]]
-    heard, longest = len(trial.viewer.with_(connection).heard), max(lengths)
-    request = packet(encode(requests[lengths.index(longest)]))
-    asked, waits = 0, None
-    while waits is None or waits < ENOUGH:
-        portion = PORTION // longest
-        asked += (taken := _pour(trial, connection, portion * request, len(request)))
-        for ticks in (IDLE_TICKS, SETTLED_TICKS):  # what is not answered yet does not wait yet
-            kept = _held(trial, connection, ticks)
-            waits = None if kept is None else asked * longest - kept
-            if waits is None or waits < ENOUGH:
+    def look(self) -> None:
+        """See what waits once nothing has moved for a while."""
+        looked, before, idle = time.monotonic(), self._shown(), 0
+        for _ in range(MOST_TICKS):
+            if before is None or idle == IDLE_TICKS:
                 break
-        if taken < portion or (kept is None and asked * longest > MOST_UNSHOWN):
-            break
-    return Stalled(connection, heard, request, asked, waits)
+            _look_away(self.trial)
+            now = self._shown()
+            if now != before:
+                self.moved = looked
+            looked, before, idle = time.monotonic(), now, idle + 1 if now == before else 0
+        self.waits = before and before[0] // len(self.request) * self.reply - before[1]
 
-
-def _pour(trial: ServerTrial, connection: Connection, data: bytes, length: int) -> int:
-    """Send what TCP takes of requests of this length while nothing is read, and the rest of the
-    last; how many that were.
-    """
-    sent, idle = 0, 0
-    while sent < len(data) and (idle < IDLE_TICKS or sent % length):
-        taken = connection.push(data[sent:], noted=True)
-        if taken is None:
-            break
-        sent, idle = sent + taken, 0 if taken else idle + 1
-        if idle >= IDLE_TICKS:
-            data = data[: sent - sent % length + length]
-            trial.rest(TICK_SECONDS)
-        elif idle:
-            _look_away(trial)
-    return sent // length
-
-
-def _held(trial: ServerTrial, connection: Connection, ticks: int) -> int | None:
-    """Bytes of replies in the systems of both ends, once nothing has moved for so many ticks."""
-    mine, theirs = connection.port, connection.testee_port
-    before, idle = None, 0
-    for _ in range(MOST_TICKS):
-        if idle >= ticks:
-            break
-        _look_away(trial)
-        now = os_evidence.queues(theirs, mine), os_evidence.queues(mine, theirs)
-        before, idle = now, idle + 1 if now == before else 0
-        if None in now:
+    def _shown(self) -> tuple[int, int] | None:
+        """Bytes of requests that the server has taken from TCP, and of replies given to it."""
+        mine, theirs = self.connection.port, self.connection.testee_port
+        server, client = os_evidence.queues(theirs, mine), os_evidence.queues(mine, theirs)
+        if server is None or client is None:
             return None
-    server, client = before or (None, None)
-    return server.unsent + client.unread if server and client else None
+        return self.sent - client.unsent - server.unread, server.unsent + client.unread
+
+    def pour(self, most: int) -> bool:
+        """Send so many bytes of requests; whether TCP took them all, while nothing is read."""
+        goal, idle = self.sent + most, 0
+        data = self.request * (most // len(self.request) + 2)
+        while self.sent < goal and idle < IDLE_TICKS:
+            begun = self.sent % len(self.request)
+            taken = self.connection.push(data[begun : begun + goal - self.sent], noted=True)
+            if taken is None:
+                break
+            self.sent, idle = self.sent + taken, 0 if taken else idle + 1
+            if not taken:
+                _look_away(self.trial)
+        return self.sent == goal
+
+
+def stalled(trial: ServerTrial, asks: Json) -> Stalled:
+    """Ask for this as often as it takes for replies to wait."""
+    connection = trial.dial_narrowly("msg")
+    trial.expect(trial.ask(connection, asks), "no-reply", "no reply on the message channel")
+    reply = HEADER + len(connection.packets[-1].payload)
+    stands = Stalled(trial, connection, packet(encode(asks)), reply)
+    while stands.pour(PORTION // reply * len(stands.request)):
+        stands.look()
+        if stands.waits is None and stands.asked * reply > MOST_UNSHOWN:
+            break
+        if stands.waits is not None and stands.waits >= ENOUGH:
+            break
+    return stands
 
 
 def _look_away(trial: ServerTrial) -> None:

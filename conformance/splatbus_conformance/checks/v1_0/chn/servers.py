@@ -1,6 +1,7 @@
 """Checks on the channels of servers and their life (spec 1.0 chapter 3)."""
 
 import itertools
+import time
 
 from splatbus_schemas import LIMITS
 
@@ -17,7 +18,7 @@ from splatbus_conformance.trials.moves.bad_neighbours import (
     crowd,
 )
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.stalled import stalled
+from splatbus_conformance.trials.moves.stalled import PATIENCE_SECONDS, stalled
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS
@@ -293,12 +294,15 @@ def check_answers_before_the_end(trial: ServerTrial) -> None:
 @check("CHN-16", observable="every reply comes, of more than TCP has room for")
 def check_answers_all_that_waits_before_the_end(trial: ServerTrial) -> None:
     """Requests of which no reply is read, until some wait in the server; then the client's end of
-    stream, and it reads.
+    stream, inside a request where TCP takes no more, and it reads.
     """
-    stands = stalled(trial, [CAMERA_REQUEST])
+    stands = stalled(trial, CAMERA_REQUEST)
     trial.extent = stands.extent
+    if time.monotonic() > stands.moved + PATIENCE_SECONDS:
+        trial.not_observable("nothing was read for so long that the server may end it (LIM-2)")
     what = f"{stands.asked} requests, of which no reply was read, and the end of the stream"
-    _expect_answers(trial, stands.connection, stands.heard, stands.asked, what)
+    heard = len(trial.viewer.with_(stands.connection).heard)
+    _expect_answers(trial, stands.connection, heard, stands.asked, what)
 
 
 def _expect_answers(
@@ -306,7 +310,7 @@ def _expect_answers(
 ) -> None:
     heard = trial.viewer.with_(connection).heard
     connection.end_stream()
-    while trial.grows(connection, heard, len(heard)):
+    while len(heard) - before <= count and trial.grows(connection, heard, len(heard)):
         pass
     closed, replies = trial.ends(connection), len(heard) - before
     trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
