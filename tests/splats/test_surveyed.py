@@ -34,9 +34,7 @@ Spoil = Callable[[Any, Any, Any], None]
 EVERY = (QUATERNIONS, POSES, ROWS, DEPTHS, MOMENTS)
 
 
-def shot(
-    scene: Scene, camera: Pose, lens: Any, spoil: Callable[[Any, Any, Any], None]
-) -> SurveyShot:
+def shot(scene: Scene, camera: Pose, lens: Any, spoil: Spoil) -> SurveyShot:
     """The image of a camera, with what a renderer may have done to it."""
     view = view_of(poses.Pose(*camera), size=SIZE, intrinsics=lens)
     image = rendered(placed(view, scene.at(None)), view.intrinsics, *SIZE)

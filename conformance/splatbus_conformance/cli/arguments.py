@@ -49,6 +49,8 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
             "--stand-in-cuda changes where the testee finds libcudart, which the harness can do "
             "only for what it starts: use --launch" + (" or --adapter" if side == "client" else "")
         )
+    if plan.within and plan.profile == "soak":
+        raise Usage("--within: a soak goes on for as long as --minutes says; leave one of them out")
     if plan.parallel > 1 and not (starts_it and plan.ports == (0, 0)):
         raise Usage(
             f"--parallel {plan.parallel}: several testees at a time need ports of their own, which "

@@ -64,7 +64,7 @@ def shortfalls(
     count = sum(name in seen for name in musts)
     at = f" at {demands.level} or above" if demands.level > Level.PASSIVE else ""
     found = []
-    if VERSIONS.index(version) < VERSIONS.index(demands.version):
+    if version in VERSIONS[: VERSIONS.index(demands.version)]:
         found.append(
             f"--require-version {demands.version}: the testee speaks {version} alone; nothing that"
             " it said on either channel is of a later one, such as hello or welcome"

@@ -1,15 +1,15 @@
 """How many instances of a testee do well beside each other on this machine."""
 
+import math
 import os
 import sys
 from pathlib import Path
 
-from splatbus_conformance.images.memory.device import STAND_IN
 from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.trials.testee.client_probe import SLOW_SECONDS
 from splatbus_conformance.trials.testee.os_evidence import PROC, members
 
-MOST, MOST_SLOW = 6, 12
+MOST, MOST_SLOW = 6, 18
 """More than cores: most of the time a check waits; most of all for one that takes its time."""
 GLANCE_SECONDS = 0.3
 SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
@@ -19,7 +19,7 @@ SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
 def at_a_time(testbed: Testbed) -> int:
     """How many instances to judge at a time: one, where what they take cannot be seen."""
     group = testbed.testee.group
-    if group is None or testbed.facts.device not in ("", STAND_IN):
+    if group is None:
         return 1
     testbed.testee.ensure_running()
     before = _cpu_seconds(group)
@@ -29,8 +29,9 @@ def at_a_time(testbed: Testbed) -> int:
         return 1
     by_cores = SHARE_OF_CORES * (os.cpu_count() or 1) / max(busy, 0.01)
     by_memory = SHARE_OF_MEMORY * _free_bytes() / resident
+    by_device = SHARE_OF_MEMORY * testbed.device.fits() if testbed.device else math.inf
     most = MOST_SLOW if testbed.facts.waited_for >= SLOW_SECONDS else MOST
-    return max(1, min(most, int(by_cores), int(by_memory)))
+    return max(1, int(min(most, by_cores, by_memory, by_device)))
 
 
 def _cpu_seconds(group: int) -> float:

@@ -4,6 +4,7 @@ from typing import Any, Protocol
 
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.client_testbed import ClientTestbed
 from splatbus_conformance.run.server_testbed import ServerTestbed
@@ -41,6 +42,10 @@ class Testbed(Protocol):
     @property
     def testee(self) -> Testee:
         """The program under test."""
+
+    @property
+    def device(self) -> Device | None:
+        """Where device memory lies, if there is any."""
 
     @property
     def facts(self) -> Facts:

@@ -151,6 +151,7 @@ EXITS = f'"{sys.executable}" -c "raise SystemExit(chr(111)*3)"'
         (["--wait", "--parallel", "2"], 2, "use --launch or --adapter, and leave out --ports"),
         (["--launch", GOOD, "--ports", "1,2", "--parallel", "2"], 2, "and leave out --ports"),
         (["--launch", GOOD, "--within", "0m"], 2, "'0m' is no time: one is wanted such as 90s"),
+        (["--launch", GOOD, "--profile", "soak", "--within", "5m"], 2, "as --minutes says"),
         (["--launch", GOOD, "--within", "0.1s"], 2, "to meet the testee alone took"),
         (["--launch", OLD, "--require-version", "1.1", "--select", "FRM-3"], 1, "speaks 1.0 alone"),
         (["--launch", GOOD, "--require-version", "1.1", "--select", "FRM-3"], 0, "conforming"),

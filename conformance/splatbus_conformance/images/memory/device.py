@@ -58,6 +58,9 @@ class Device(Protocol):
     ordinal: int
     """As `meta.device` names it."""
 
+    def fits(self) -> float:
+        """How often what is held of its memory would fit into what is free."""
+
     def named(self, uuid: object) -> "Device":
         """The device with this UUID; ValueError if there is none."""
 

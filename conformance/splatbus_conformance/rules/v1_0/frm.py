@@ -20,8 +20,9 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
         if stream.refused is not None:
             length = int.from_bytes(stream.rest[:4], "little")
             text = f"the header at byte {stream.refused} of the stream announces {length:,} bytes"
-            before = [it for it in conversation.messages if it.direction == direction][-1:]
-            strayed = astray(before[0].packet.payload, stream.rest) if before else ""
+            newest = reversed(conversation.messages)
+            before = next((it for it in newest if it.direction == direction), None)
+            strayed = astray(before.packet.payload, stream.rest) if before else ""
             if known := strayed or recognised(stream.rest):
                 text += f": {known}"
             wrong = Breach("out-of-range", text)

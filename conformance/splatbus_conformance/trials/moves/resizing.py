@@ -130,8 +130,9 @@ def told_at(reader: Connection) -> float:
     """When the newest init packet came, by the monotonic clock: a reader may keep former memory for
     a while from then on (VPT-8).
     """
-    came = (it.ended for it in reader.packets if "meta" in (read(it.payload).value or {}))
-    return max(came, default=math.inf)
+    newest = reversed(reader.packets)
+    came = (it.ended for it in newest if "meta" in (read(it.payload).value or {}))
+    return next(came, math.inf)
 
 
 def size_of(init_packet: Json) -> tuple[int | None, int | None]:

@@ -29,6 +29,10 @@ def was_read(image: DeviceImage, folder: Path) -> bool:
     return all(p.exists() and p.read_bytes() == as_shown(image, w) for w, p in paths.items())
 
 
+def heard(role: ScriptedServer) -> set[str]:
+    return {it["type"] for each in role.dealings.values() for it in each.heard}
+
+
 @pytest.mark.parametrize(
     ("width", "height", "layout"),
     [
@@ -62,9 +66,8 @@ def test_the_miniature_reads_every_pixel(
                 assert image.is_read_whole(it.calls(), "Color")
                 assert image.is_read_whole(it.calls(), "Depth")
                 image.event.begin()
-            assert {"camera_pose", "get_viewport_size", "get_camera_pose"} <= {
-                message["type"] for each in role.dealings.values() for message in each.heard
-            }
+            kinds = {"camera_pose", "get_viewport_size", "get_camera_pose"}
+            assert peer.until(lambda: kinds <= heard(role), 10), testee.output()
         finally:
             testee.close()
             peer.close()

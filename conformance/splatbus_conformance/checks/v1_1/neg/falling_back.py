@@ -39,7 +39,7 @@ def fall_back(trial: ClientTrial, channel: Channel) -> Fallen:
     return Fallen(connection, before)
 
 
-def newer(trial: ClientTrial, fallen: Fallen) -> set[str]:
+def beyond_1_0(trial: ClientTrial, fallen: Fallen) -> set[str]:
     """Listen to the testee; the types of what it has said that 1.0 does not know there."""
     connection, before = fallen
     dealings = trial.role.with_(connection)
@@ -62,7 +62,7 @@ def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
     says unasked; the testee is listened to.
     """
     fallen = fall_back(trial, "msg")
-    more = newer(trial, fallen)
+    more = beyond_1_0(trial, fallen)
     trial.expect(not fallen.connection.ended, "closes", "it closed the connection to a 1.0 server")
     trial.expect(not more, "newer-version", f"it sent {', '.join(sorted(more))} to a 1.0 server")
     trial.delivered += 1
@@ -84,7 +84,7 @@ def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
         if moment:
             connection.end_stream()
             trial.ends(connection)
-        more = newer(trial, fallen)
+        more = beyond_1_0(trial, fallen)
         trial.expect(
             not more, "newer-version", f"it sent {', '.join(sorted(more))} to a 1.0 server{moment}"
         )
@@ -107,13 +107,13 @@ def check_ignores_a_late_welcome(trial: ClientTrial, channel: Channel, version: 
     connection, _ = fallen
     if not trial.says_hello(connection):
         trial.not_observable(f"the testee said no hello on the {WORDS[channel]} channel")
-    if newer(trial, fallen) or connection.ended:
+    if beyond_1_0(trial, fallen) or connection.ended:
         trial.not_observable("the testee does not go on with a 1.0 server")
     listed = trial.facts.capabilities() if channel == "ipc" else declared(trial)
     trial.role.say(connection, welcome(channel, listed, version))
     if channel == "ipc":
         trial.role.offer(connection, trial.role.init_packet(connection))
-    more = newer(trial, fallen)
+    more = beyond_1_0(trial, fallen)
     what = f"a late welcome to {version!r} on the {WORDS[channel]} channel"
     told = f"it sent {', '.join(sorted(more))} after {what}"
     trial.expect(not more, "newer-version", told)

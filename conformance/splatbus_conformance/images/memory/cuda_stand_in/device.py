@@ -4,6 +4,7 @@ They are the files that the library knows, read and written here without the lib
 """
 
 import contextlib
+import math
 import os
 import re
 import secrets
@@ -121,6 +122,10 @@ class StandInDevice:
         parent = PARENT if PARENT.is_dir() else None
         self.folder = guard.folder(f"{PREFIX}{os.getpid()}-", parent)
         self._shared: list[Shared] = []
+
+    def fits(self) -> float:
+        """It is memory of the host."""
+        return math.inf
 
     def named(self, uuid: object) -> "StandInDevice":
         """This one: a server cannot ask the stand-in's library for a UUID."""

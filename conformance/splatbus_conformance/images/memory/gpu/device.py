@@ -67,6 +67,13 @@ class GpuDevice:
         """For copies; nothing else waits for it, nor it for anything else."""
         return self._stream
 
+    def fits(self) -> float:
+        """How often what is held of its memory, by anybody, would fit into what is free."""
+        free, whole = c_size_t(), c_size_t()
+        with self.current():
+            self.driver.call("cuMemGetInfo_v2", ctypes.byref(free), ctypes.byref(whole))
+        return free.value / max(whole.value - free.value, 1)
+
     def named(self, uuid: object) -> "GpuDevice":
         """The device with this UUID; ValueError if this process sees none."""
         if uuid == self.uuid:
