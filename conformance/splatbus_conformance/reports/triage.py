@@ -1,6 +1,7 @@
 """Which failure to look at first: what others rest on comes before them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import NamedTuple
 
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
@@ -25,33 +26,48 @@ MANY = 3
 _SEVEREST = (Verdict.FAIL, Verdict.ERROR, Verdict.WARN)
 
 
+class Cause(NamedTuple):
+    """A requirement whose failure others may come of."""
+
+    first: str
+    others: frozenset[str]
+    why: str
+
+    def __str__(self) -> str:
+        return f"Start with {self.first}: {self.why}."
+
+
 def in_order(results: Iterable[Result]) -> list[Result]:
     """What was broken, in the order in which to look at it: failures before advice that was not
     followed; those that others come of first; what the testee sends by itself before what it makes
-    of what it is sent; and of those, lower layers first.
+    of what it is sent; and of those, lower layers first. Below a cause comes what may follow.
     """
-    broken = [result for result in results if result.verdict in _SEVEREST]
-    return sorted(broken, key=_place)
+    broken = _broken(results := list(results))
+    if (known := cause(results)) is None:
+        return broken
+    first, others, _ = known
+    return sorted(broken, key=lambda it: (it.requirement != first, it.requirement not in others))
 
 
-def start_with(results: Sequence[Result]) -> str:
-    """A sentence on which failure to mend first, if there is reason to believe that others come of
-    it; else nothing.
+def cause(results: Sequence[Result]) -> Cause | None:
+    """Which failure to mend first, if there is reason to believe that others come of it.
 
     Only what a testee sends by itself spoils what follows, and what it does to the memory: how it
     takes hostile input does not, unless one parser takes much of it wrongly.
     """
-    ordered = [it for it in in_order(results) if it.verdict is Verdict.FAIL]
-    broken = {it.requirement for it in ordered}
-    if ordered and (why := ROOTS.get(ordered[0].code)) and len(broken) > 1:
-        others = _counted(broken - {ordered[0].requirement}, "other failure")
-        return f"Start with {ordered[0].requirement}: {why}; {others} may follow from it."
-    if len(read := [it for it in PARSER if it in broken]) >= MANY:
-        return f"Start with {read[0]}: one parser reads what {', '.join(read)} ask about."
+    ordered = [it for it in _broken(results) if it.verdict is Verdict.FAIL]
+    names = {it.requirement for it in ordered}
+    if ordered and (why := ROOTS.get(ordered[0].code)) and len(names) > 1:
+        first, others = ordered[0].requirement, names - {ordered[0].requirement}
+        told = f"{why}; {_counted(others, 'other failure')} may follow from it"
+        return Cause(first, frozenset(others), told)
+    if len(read := [it for it in PARSER if it in names]) >= MANY:
+        told = f"one parser reads what {', '.join(read)} ask about"
+        return Cause(read[0], frozenset(read[1:]), told)
     if not ordered or not _by_itself(ordered[0]) or _rank(ordered[0]) > _RANK["JSN"]:
-        return ""
-    first = ordered[0]
-    above = {it.requirement for it in ordered if _rank(it) > _rank(first)}
+        return None
+    first, rank = ordered[0].requirement, _rank(ordered[0])
+    above = frozenset(it.requirement for it in ordered if _rank(it) > rank)
     seen = {it.requirement for it in results if it.verdict is not Verdict.SKIP}
     unseen = {it.requirement for it in results} - seen
     follow = []
@@ -60,8 +76,12 @@ def start_with(results: Sequence[Result]) -> str:
     if len(unseen) > len(seen):
         follow.append("it may be why most of the others could not be observed")
     if not follow:
-        return ""
-    return f"Start with {first.requirement}: {LAYERS[_rank(first)][1]}; {', and '.join(follow)}."
+        return None
+    return Cause(first, above, f"{LAYERS[rank][1]}; {', and '.join(follow)}")
+
+
+def _broken(results: Iterable[Result]) -> list[Result]:
+    return sorted((it for it in results if it.verdict in _SEVEREST), key=_place)
 
 
 def _place(result: Result) -> tuple[int, bool, bool, int]:
@@ -69,7 +89,7 @@ def _place(result: Result) -> tuple[int, bool, bool, int]:
     return severity, not is_root, not _by_itself(result), _rank(result)
 
 
-def _counted(names: set[str], word: str) -> str:
+def _counted(names: Collection[str], word: str) -> str:
     return f"{len(names)} {word}{'s' if len(names) != 1 else ''}"
 
 

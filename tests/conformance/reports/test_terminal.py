@@ -102,7 +102,8 @@ def test_failures_stand_in_the_order_in_which_to_look_at_them() -> None:
     ]
     print_failures(out, results, requirements("1.1"))
     heads = [line.split()[1] for line in text(out).splitlines() if line[:5].strip() in HEADS]
-    assert heads == ["FRM-2", "FRM-3", "CHN-9", "CHN-20"]
+    assert heads == ["FRM-2", "CHN-9", "FRM-3", "CHN-20"]
+    assert text(out).count("may follow from FRM-2") == 1
     assert "it did [/] otherwise" in text(out), "what a testee sends is no markup"
 
 

@@ -1,10 +1,15 @@
 """The order in which to look at failures, and when it is honest to say that others follow."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from splatbus_conformance.reports.triage import in_order, start_with
+from splatbus_conformance.reports.triage import cause, in_order
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import Level, Result, Verdict
+
+
+def start_with(results: Sequence[Result]) -> str:
+    return str(cause(results) or "")
 
 
 def sent(requirement: str, verdict: Verdict = Verdict.FAIL) -> Result:
@@ -26,7 +31,9 @@ def test_what_it_sends_comes_first_and_packets_before_messages_before_connection
         done("CNV-1"),
     ]
     names = [it.requirement for it in in_order(results)]
-    assert names == ["FRM-2", "JSN-6", "POS-2", "FRM-3", "CNV-1", "CHN-20"]
+    assert names == ["FRM-2", "JSN-6", "POS-2", "CNV-1", "FRM-3", "CHN-20"], (
+        "below it what may follow"
+    )
 
 
 def test_others_follow_from_broken_packets() -> None:

@@ -206,7 +206,8 @@ def view_of(report: Json, number: int, limits: Limits) -> PageView:
 def _in_order(told: Sequence[ShownResult]) -> list[ShownResult]:
     """What was broken, in the order in which to look at it."""
     results = [
-        Result(it.about.id, it.check, Level(it.assurance), Verdict(it.verdict)) for it in told
+        Result(it.about.id, it.check, Level(it.assurance), Verdict(it.verdict), code=it.code)
+        for it in told
     ]
     by_result = {id(result): it for result, it in zip(results, told, strict=True)}
     return [by_result[id(result)] for result in in_order(results)]
