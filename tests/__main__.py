@@ -57,6 +57,7 @@ READ = {
     "lint": (*PYTHON, "ruff", "check", *SOURCES),
     "format": (*PYTHON, "ruff", "format", "--check", *SOURCES),
     "imports": (str(Path(sys.executable).with_name("lint-imports")),),
+    "size": (*PYTHON, "tests.size"),
     "prose": (*PYTHON, "splatbus_schemas.prose"),
     "python3.9": (
         *(str(Path(sys.executable).with_name("vermin")), "--no-tips", "--eval-annotations"),

@@ -36,6 +36,7 @@ from tests.foreign import programs as foreign_programs
 from tests.foreign.programs import Lacking, Program, differences, judge, programs
 
 ROOT = Path(__file__).resolve().parents[1]
+REPORT = "report.json"
 RESULT = ROOT / "tests" / "results" / "long.json"
 MUTANTS = RESULT.with_name("machine.json")
 STAND_IN = (
@@ -190,6 +191,32 @@ def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
     return judged(side, how, command, environment, profile, seed, scratch)
 
 
+def judging(
+    side: str,
+    how: str,
+    command: str,
+    environment: dict[str, str],
+    profile: str,
+    seed: int,
+    scratch: Path,
+    *words: str,
+) -> subprocess.CompletedProcess[str]:
+    """Have the harness judge a program, and write its report into `scratch`."""
+    line = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
+    line += [how, command, "--json", str(scratch / REPORT), "--shrink", "0"]
+    line += ["--scripts", str(scratch), "--profile", profile, "--seed", str(seed), *words]
+    return subprocess.run(
+        line,
+        cwd=scratch,
+        env={**os.environ, **environment},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        timeout=RUN_SECONDS,
+    )
+
+
 def judged(
     side: str,
     how: str,
@@ -201,20 +228,8 @@ def judged(
     *words: str,
 ) -> Outcome:
     """What is wrong with a program that has to conform, and which verdicts are no passes."""
-    report = scratch / "report.json"
-    line = [sys.executable, "-m", "splatbus_conformance", "--plain", side]
-    line += [how, command, "--json", str(report), "--shrink", "0"]
-    line += ["--scripts", str(scratch), "--profile", profile, "--seed", str(seed), *words]
-    ended = subprocess.run(
-        line,
-        cwd=scratch,
-        env={**os.environ, **environment},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        timeout=RUN_SECONDS,
-    )
+    ended = judging(side, how, command, environment, profile, seed, scratch, *words)
+    report = scratch / REPORT
     if not report.is_file():
         return {"wrong": [f"no report was written: {ended.stdout[-400:]}"]}
     told = json.loads(report.read_text("utf-8"))

@@ -1,0 +1,60 @@
+"""`python -m tests.size`: how large each part is, in tokens of Python, and how large it may be.
+
+Tokens are `tokenize`'s, but for comments, line ends and indentation: ideas are counted, not how
+they are laid out. Whoever lands less lowers the ceiling to what is left, and none is raised.
+"""
+
+import subprocess
+import sys
+import tokenize
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+CEILINGS = {
+    "conformance": 417_200,
+    "tests": 495_600,
+    "schemas": 36_600,
+    "reference_server": 72_500,
+    "reference_client": 55_700,
+    "benchmarks": 66_300,
+}
+LAYOUT = frozenset(
+    {
+        *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
+        *(tokenize.ENCODING, tokenize.ENDMARKER),
+    }
+)
+
+
+def sizes() -> Counter[str]:
+    """The tokens of each part, of the files that git knows or may come to know."""
+    listed = ("git", "ls-files", "--cached", "--others", "--exclude-standard", "*.py")
+    names = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    found: Counter[str] = Counter()
+    for name in names.splitlines():
+        path = ROOT / name
+        if path.is_file() and not path.is_symlink():
+            found[name.partition("/")[0]] += tokens(path)
+    return found
+
+
+def tokens(path: Path) -> int:
+    """Those of a file. Raises OSError, SyntaxError and tokenize.TokenError."""
+    with path.open("rb") as file:
+        return sum(it.type not in LAYOUT for it in tokenize.tokenize(file.readline))
+
+
+def main() -> int:
+    """Print the table; 1 if something is larger than it may be."""
+    found = sizes()
+    rows = [(part, found[part], most) for part, most in CEILINGS.items()]
+    rows.append(("all", found.total(), sum(CEILINGS.values())))
+    for part, size, most in rows:
+        over = f"  {size - most:,} too many" if size > most else ""
+        print(f"{part:<18}{size:>11,} of {most:>11,}{over}")
+    return any(size > most for _, size, most in rows)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
