@@ -37,7 +37,7 @@ class Stalled:
     waits: int | None = 0
     """Bytes of replies that waited in the server, which may keep more; None if it is not shown."""
     moved: float = field(default_factory=time.monotonic)
-    """When TCP last moved something, or earlier."""
+    """When TCP last took something of the replies, or earlier."""
 
     @property
     def asked(self) -> int:
@@ -59,7 +59,7 @@ class Stalled:
                 break
             _look_away(self.trial)
             now = self._shown()
-            if now != before:
+            if now and now[1] != before[1]:
                 self.moved = looked
             looked, before, idle = time.monotonic(), now, idle + 1 if now == before else 0
         self.waits = before and before[0] // len(self.request) * self.reply - before[1]
