@@ -82,6 +82,9 @@ def _problem(error: ValidationError) -> str:
         return "is there, and must not be"
     if keyword in ("pattern", "not"):
         return f"{there}, which is not spelled as {_shown(asked.get('pattern', wanted))} says"
+    if keyword == "anyOf":
+        allowed = (_shown(each["const"]) if "const" in each else _noun(each) for each in wanted)
+        return f"{there}, no {' nor '.join(allowed)}"
     null, noun = "null" in _types(asked), _noun(asked)
     article = "an" if noun[0] in "aeio" else "a"
     return f"{there}, neither null nor {article} {noun}" if null else f"{there}, no {noun}"

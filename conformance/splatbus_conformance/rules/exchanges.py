@@ -14,12 +14,10 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
-from splatbus_schemas import LIMITS
-
-from splatbus_conformance.rules import Breach, Judgement
-from splatbus_conformance.rules.v1_0.pos import typed
+from splatbus_conformance.rules import Judgement
+from splatbus_conformance.rules.form import form
 from splatbus_conformance.wire.conversation import Conversation, Message, MessageInContext
-from splatbus_conformance.wire.json_values import SAFE, integer_in, is_number, show, whole
+from splatbus_conformance.wire.json_values import is_number, show, whole
 from splatbus_conformance.wire.message_kinds import REPLIES, REPLY_TO, REQUESTS, REQUESTS_1_0
 
 ASKED_BY = {
@@ -30,7 +28,6 @@ ASKED_BY = {
     "ping": "PNG-1",
 }
 """The requirement on the form of each request."""
-MAX_SIZE: int = LIMITS["max_image_size"]
 Id = int | str | None
 ANY = "any"
 MOST_WAYS = 256
@@ -245,24 +242,8 @@ class _Matching:
 
 def request(message: Message) -> Iterator[Judgement]:
     """What a request shows of the requirement on its form."""
-    value = message.value or {}
-    requirement = ASKED_BY[str(message.kind)]
-    yield from typed(value, REQUESTS, requirement, "a request")
-    numbers: dict[str, tuple[int, int]] = {}
-    if message.kind == "get_camera_pose":
-        numbers = {"cam_idx": (-SAFE, SAFE)}
-    elif message.kind == "set_viewport":
-        numbers = dict.fromkeys(("width", "height"), (1, MAX_SIZE))
-    elif message.kind == "ping" and not is_number(value.get("t")):
-        has = show(value["t"]) if "t" in value else "missing"
-        yield Judgement(requirement, Breach("not-a-number", f"t is {has}, no number"), "/t")
-    for name, (low, high) in numbers.items():
-        wrong = None
-        if not integer_in(value.get(name), low, high):
-            has = show(value[name]) if name in value else "missing"
-            text = f"{name} is {has}, no integer from {low} to {high}"
-            wrong = Breach("out-of-range", text)
-        yield Judgement(requirement, wrong, f"/{name}")
+    kind = str(message.kind)
+    return form(message.value or {}, kind, ASKED_BY[kind])
 
 
 def valid_request(message: Message) -> bool:

@@ -37,7 +37,7 @@ def viewpoint(pose: Json, before: Viewpoint | None, *, lens: bool) -> Viewpoint 
     """What a `camera_pose` makes of the viewpoint before it; `lens`: intrinsics are agreed."""
     former = before.lens if before else None
     given = pose.get("intrinsics") if lens else None
-    judgements = [*pos.pose(pose), *(cam.lens(given) if given is not None else ())]
+    judgements = [*pos.pose(pose), *(cam.lens(pose, "camera_pose") if given is not None else ())]
     if any(it.breach for it in judgements) or not ({"tag", "intrinsics"} & pose.keys()):
         return before
     return Viewpoint(pose, given or former)

@@ -92,9 +92,14 @@ def finites(value: object, count: int) -> tuple[float, ...] | None:
     return found if len(found) == len(items) == count else None
 
 
+def array(value: object) -> list[Any]:
+    """The items of an array; none of what is no array."""
+    return value if isinstance(value, list) else []
+
+
 def texts(value: object) -> list[str]:
     """The strings in an array; none in what is no array."""
-    return [item for item in value if isinstance(item, str)] if isinstance(value, list) else []
+    return [item for item in array(value) if isinstance(item, str)]
 
 
 def text_of(value: object, low: int, high: int) -> bool:

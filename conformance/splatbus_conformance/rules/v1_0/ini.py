@@ -6,21 +6,21 @@ from typing import Any
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
+from splatbus_conformance.rules.form import form
 from splatbus_conformance.wire.conversation import Conversation
-from splatbus_conformance.wire.json_values import (
-    SAFE,
-    integer_in,
-    is_handle,
-    show,
-    unspeakable,
-    whole,
-)
+from splatbus_conformance.wire.json_values import is_handle, show, whole
 
 Json = dict[str, Any]
 MAX_SIZE: int = LIMITS["max_image_size"]
-META = ("w", "h", "fmtColor", "pitchColor", "fmtDepth", "pitchDepth")
 HANDLES = ("mem_color", "mem_depth", "evt_done")
-FORMATS = {"fmtColor": "RGBA32F", "fmtDepth": "R32F"}
+OF_META = {
+    "INI-2": ("w", "h"),
+    "INI-3": ("fmtColor", "fmtDepth"),
+    "INI-4": ("pitchColor", "pitchDepth"),
+    "INI-5": ("offsetColor", "offsetDepth"),
+    "INI-6": ("device",),
+}
+"""What is asked of which members of `meta`."""
 PIXEL_BYTES = {"Color": 16, "Depth": 4}
 
 
@@ -33,24 +33,20 @@ def members_of_1_0(conversation: Conversation) -> Iterator[Sighting]:
 
 def layout(value: Json) -> Iterator[Judgement]:
     """What an init packet shows of INI-1 to INI-7."""
-    yield Judgement("INI-1")
     meta = value.get("meta")
-    if isinstance(meta, dict):
-        for name in META:
-            if name not in meta:
-                text = f"meta has no member {name}"
-                yield Judgement("INI-1", Breach("missing-member", text), f"/meta/{name}")
-        yield from _meta(meta)
-    elif "meta" in value:
-        wrong = Breach("not-an-object", f"meta is {show(meta)}, no object")
-        yield Judgement("INI-1", wrong, "/meta")
-    else:
-        yield Judgement("INI-1", Breach("missing-member", "meta is missing"), "/meta")
-    for name in HANDLES if _in_cuda_memory(value) else ():
-        if name not in value:
-            yield Judgement("INI-1", Breach("missing-member", f"{name} is missing"), f"/{name}")
-        else:
-            yield handle(value[name], f"/{name}")
+    told = meta if isinstance(meta, dict) else {}
+    shows = [name for name, members in OF_META.items() if not told.keys().isdisjoint(members)]
+    if in_cuda := _in_cuda_memory(value):
+        shows += ["INI-7"] if not value.keys().isdisjoint(HANDLES) else []
+    for judgement in form(value, "init_packet", "INI-1", *shows, version="1.0"):
+        if in_cuda or judgement.pointer[1:] not in HANDLES:
+            yield judgement
+    width = whole(told.get("w"), 1, MAX_SIZE)
+    for plane, pixel in PIXEL_BYTES.items():
+        pitch = whole(told.get(f"pitch{plane}"), 1)
+        if width and pitch and pitch != pixel * width:
+            wrong = Breach("wrong-pitch", f"pitch{plane} is {pitch}, not {pixel}·w")
+            yield Judgement("INI-4", wrong, f"/meta/pitch{plane}")
 
 
 def handle(value: object, pointer: str) -> Judgement:
@@ -72,47 +68,6 @@ def _in_cuda_memory(value: Json) -> bool:
     if "memory" not in value:
         return "version" not in value
     return isinstance(value["memory"], dict) and value["memory"].get("kind") == "cuda_ipc"
-
-
-def _meta(meta: Json) -> Iterator[Judgement]:
-    for name in "wh":
-        if name in meta:
-            text = f"{name} is {show(meta[name])}, no integer from 1 to {MAX_SIZE:,}"
-            fits = integer_in(meta[name], 1, MAX_SIZE)
-            wrong = None if fits else Breach("out-of-range", text)
-            yield Judgement("INI-2", wrong, f"/meta/{name}")
-    for name, expected in FORMATS.items():
-        if name in meta:
-            text = f'{name} is {show(meta[name])}, not "{expected}"'
-            wrong = None if meta[name] == expected else Breach("wrong-format", text)
-            yield Judgement("INI-3", wrong, f"/meta/{name}")
-    for plane, pixel in PIXEL_BYTES.items():
-        yield from _pitch(meta, f"pitch{plane}", pixel)
-        yield from _offset(meta, f"offset{plane}", pixel)
-    if "device" in meta:
-        text = f"device is {show(meta['device'])}, no integer from 0 to {SAFE}"
-        wrong = None if integer_in(meta["device"], 0) else Breach("out-of-range", text)
-        yield Judgement("INI-6", wrong, "/meta/device")
-
-
-def _pitch(meta: Json, name: str, pixel: int) -> Iterator[Judgement]:
-    width = whole(meta.get("w"), 1, MAX_SIZE)
-    if name in meta and not unspeakable(meta[name]):
-        pitch = whole(meta[name], 1)
-        wrong = Breach("wrong-pitch", f"{name} is {show(meta[name])}, not {pixel}·w")
-        if pitch is None:
-            yield Judgement("INI-4", wrong, f"/meta/{name}")
-        elif width is not None:
-            yield Judgement("INI-4", None if pitch == pixel * width else wrong, f"/meta/{name}")
-
-
-def _offset(meta: Json, name: str, pixel: int) -> Iterator[Judgement]:
-    if name in meta and not unspeakable(meta[name]):
-        offset = whole(meta[name], 0)
-        text = f"{name} is {show(meta[name])}, no multiple of {pixel} from 0 to {SAFE}"
-        fits = offset is not None and offset % pixel == 0
-        wrong = None if fits else Breach("wrong-offset", text)
-        yield Judgement("INI-5", wrong, f"/meta/{name}")
 
 
 RULES: tuple[Rule, ...] = (members_of_1_0,)

@@ -1,14 +1,15 @@
 """Rules on poses (spec 1.0 section 6.1)."""
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.form import form
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import is_number, number_in, show, unspeakable
+from splatbus_conformance.wire.json_values import is_number, show, unspeakable
 from splatbus_conformance.wire.message_kinds import CLIENT_1_0, POSES
 
 Json = dict[str, Any]
@@ -53,29 +54,19 @@ def timestamps_do_not_decrease(conversation: Conversation) -> Iterator[Sighting]
 
 def pose(value: Json) -> Iterator[Judgement]:
     """What a pose shows of POS-1 to POS-4."""
-    yield from typed(value, POSES, "POS-1", "a pose")
-    yield from placement(value)
-
-
-def typed(value: Json, kinds: Collection[str], requirement: str, what: str) -> Iterator[Judgement]:
-    """Whether a message has one of these types; `what` it is else."""
-    wrong = None
-    if value.get("type") not in kinds:
-        has = show(value["type"]) if "type" in value else "missing"
-        wrong = Breach("wrong-type", f"type is {has} in what is else {what}")
-    yield Judgement(requirement, wrong, "/type")
-
-
-def placement(value: Json) -> Iterator[Judgement]:
-    """What the position and rotation of a message show of POS-1 to POS-4."""
-    for part in MEMBERS:
-        yield from _members(value.get(part), part)
-    position, rotation = value.get("position"), value.get("rotation")
-    if isinstance(position, dict):
-        numbers = {f"/position/{name}": position.get(name) for name in "xyz"}
-        yield from magnitudes(numbers, "POS-2")
+    kind = value.get("type")
+    shows = ["POS-1", *(["POS-2"] if isinstance(value.get("position"), dict) else [])]
+    yield from form(value, kind if kind in POSES else POSES[0], *shows, version="1.0")
+    rotation = value.get("rotation")
     if isinstance(rotation, dict) and set("xyzw") <= set(rotation):
         yield from unit_norm([rotation[name] for name in "xyzw"], "POS-3")
+    for name, members in MEMBERS.items():
+        part = value.get(name)
+        order = "".join(it for it in part if it in set(members)) if isinstance(part, dict) else ""
+        if sorted(order) == sorted(members):
+            text = f"the members of {name} stand in the order {', '.join(order)}"
+            wrong = Breach("wrong-order", text) if order != members else None
+            yield Judgement("POS-4", wrong, f"/{name}")
 
 
 def unit_norm(
@@ -88,40 +79,6 @@ def unit_norm(
         off = not abs(norm - 1) <= tolerance
         text = f"the norm of rotation is {norm:.6g}, further than {tolerance} from 1"
         yield Judgement(requirement, Breach("not-unit-norm", text) if off else None, pointer)
-
-
-def _members(part: Any, name: str) -> Iterator[Judgement]:
-    if part is None:
-        yield Judgement("POS-1", Breach("missing-member", f"{name} is missing"), f"/{name}")
-        return
-    if not isinstance(part, dict):
-        wrong = Breach("not-an-object", f"{name} is {show(part)}, no object")
-        yield Judgement("POS-1", wrong, f"/{name}")
-        return
-    for member in MEMBERS[name]:
-        if member not in part:
-            wrong = Breach("missing-member", f"{name} has no member {member}")
-            yield Judgement("POS-1", wrong, f"/{name}/{member}")
-        elif not is_number(part[member]):
-            text = f"{member} of {name} is {show(part[member])}, no number"
-            yield Judgement("POS-1", Breach("not-a-number", text), f"/{name}/{member}")
-    order = "".join(member for member in part if member in set(MEMBERS[name]))
-    if sorted(order) == sorted(MEMBERS[name]):
-        text = f"the members of {name} stand in the order {', '.join(order)}"
-        wrong = Breach("wrong-order", text)
-        yield Judgement("POS-4", wrong if order != MEMBERS[name] else None, f"/{name}")
-
-
-def magnitudes(numbers: dict[str, Any], requirement: str) -> Iterator[Judgement]:
-    """Whether the numbers at these pointers fit into single precision, as POS-2 says."""
-    limit = LIMITS["max_position"]
-    for pointer, value in numbers.items():
-        if is_number(value):
-            wrong = None
-            if not number_in(value, -limit, limit):
-                text = f"{show(value)} is beyond the largest single-precision number"
-                wrong = Breach("out-of-range", text)
-            yield Judgement(requirement, wrong, pointer)
 
 
 def _stamped(conversation: Conversation) -> Iterator[Message]:

@@ -9,18 +9,17 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges, valid_request
+from splatbus_conformance.rules.form import form, greeting
 from splatbus_conformance.rules.v1_0.ini import size
-from splatbus_conformance.rules.v1_0.pos import magnitudes, pose, unit_norm
+from splatbus_conformance.rules.v1_0.pos import pose, unit_norm
 from splatbus_conformance.rules.v1_0.req_blame import caused, without_reply
-from splatbus_conformance.rules.v1_1.neg_hello import hello
 from splatbus_conformance.rules.v1_1.obj import STEERING
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import (
+    array,
     integer_in,
-    is_number,
     numbers,
     show,
-    unspeakable,
     whole,
 )
 from splatbus_conformance.wire.message_kinds import (
@@ -33,7 +32,7 @@ from splatbus_conformance.wire.message_kinds import (
 )
 
 MAX_SIZE: int = LIMITS["max_image_size"]
-JUDGED = {**STEERING, "hello": hello}
+JUDGED = {**STEERING, "hello": greeting}
 """What other messages show, which a server may close on."""
 
 
@@ -166,38 +165,16 @@ def answers_before_the_end(conversation: Conversation) -> Iterator[Sighting]:
 
 def viewport_size(value: dict[str, Any]) -> Iterator[Judgement]:
     """What the reply to `get_viewport_size` shows of REQ-3."""
-    size = value.get("viewport_size")
-    wrong = None
-    if "viewport_size" not in value:
-        wrong = Breach("missing-member", "the reply has no member viewport_size")
-    elif not (isinstance(size, list) and len(size) == 2):
-        wrong = Breach("not-an-array", f"viewport_size is {show(size)}, no array of two numbers")
-    yield Judgement("REQ-3", wrong, "/viewport_size")
-    if wrong is None and isinstance(size, list):
-        for i, part in enumerate(size):
-            plain = isinstance(part, int) and integer_in(part, 0, MAX_SIZE)
-            text = f"{show(part)} is no plain integer from 0 to {MAX_SIZE:,}"
-            wrong = None if plain or unspeakable(part) else Breach("out-of-range", text)
+    yield from form(value, "viewport_size_reply", "REQ-3", version="1.0")
+    for i, part in enumerate(array(value.get("viewport_size"))):
+        if isinstance(part, float) and part.is_integer():
+            wrong = Breach("out-of-range", f"{show(part)} is no plain integer")
             yield Judgement("REQ-3", wrong, f"/viewport_size/{i}")
 
 
 def camera(value: dict[str, Any]) -> Iterator[Judgement]:
     """What the reply to `get_camera_pose` shows of REQ-5."""
-    for name, count in (("position", 3), ("rotation", 4)):
-        part = value.get(name)
-        text = f"{name} is {show(part)}" if name in value else f"{name} is missing"
-        if numbers(part, count):
-            yield Judgement("REQ-5")
-        elif isinstance(part, list) and len(part) == count:
-            i = next(i for i, each in enumerate(part) if not is_number(each))
-            wrong = Breach("not-a-number", f"{show(part[i])} is no number")
-            yield Judgement("REQ-5", wrong, f"/{name}/{i}")
-        else:
-            wrong = Breach("not-an-array", f"{text}: no array of {count} numbers")
-            yield Judgement("REQ-5", wrong, f"/{name}")
-    if numbers(value.get("position"), 3):
-        each = {f"/position/{i}": part for i, part in enumerate(value["position"])}
-        yield from magnitudes(each, "REQ-5")
+    yield from form(value, "camera_pose_reply", "REQ-5", version="1.0")
     if numbers(value.get("rotation"), 4):
         yield from unit_norm(value["rotation"], "REQ-5")
 

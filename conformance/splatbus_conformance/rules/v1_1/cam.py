@@ -5,28 +5,15 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from splatbus_schemas import LIMITS
-
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.rules.form import form
 from splatbus_conformance.rules.v1_0.req_replies import sizes, sizes_at
 from splatbus_conformance.rules.v1_1.mem import capabilities
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import (
-    ascending,
-    integer_in,
-    is_number,
-    number_in,
-    show,
-    text_of,
-    whole,
-)
+from splatbus_conformance.wire.json_values import finite, is_number, show, whole, within
 
 Json = dict[str, Any]
-MIN_LENS: float = LIMITS["min_lens"]
-MAX_LENS: float = LIMITS["max_lens"]
-MAX_SIZE: int = LIMITS["max_image_size"]
-MAX_TAG: int = LIMITS["max_tag_chars"]
 
 
 @rule("CAM-1", "CAM-4")
@@ -57,11 +44,10 @@ def cameras_have_a_lens(conversation: Conversation) -> Iterator[Sighting]:
                 yield about(conversation, answer, "CAM-8", breach, "/intrinsics")
             continue
         given = value["intrinsics"]
-        yield from judged(conversation, answer, lens(given))
-        told = {name: given.get(name) for name in ("width", "height")} if _is_object(given) else {}
-        size = tuple(map(whole, told.values()))
+        yield from judged(conversation, answer, lens(value, "camera"))
+        size = tuple(whole(within(given, name)) for name in ("width", "height"))
         wrong = None
-        if told and None not in size and known and size not in allowed:
+        if None not in size and known and size not in allowed:
             text = f"the intrinsics are of {list(size)}, the init packet said {list(known)}"
             wrong = Breach("wrong-size", text)
         yield about(conversation, answer, "CAM-8", wrong, "/intrinsics")
@@ -129,47 +115,24 @@ def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
 def additions(value: Json) -> Iterator[Judgement]:
     """What a `camera_pose` shows of CAM-1 and CAM-4."""
     if "tag" in value:
-        text = f"tag is {show(value['tag'])}, no string of 1 to {MAX_TAG} characters"
-        fits = text_of(value["tag"], 1, MAX_TAG)
-        yield Judgement("CAM-1", None if fits else Breach("bad-string", text), "/tag")
+        yield from form(value, "camera_pose", "CAM-1")
     if "intrinsics" in value:
-        yield from lens(value["intrinsics"])
+        yield from lens(value, "camera_pose")
 
 
-def lens(given: object) -> Iterator[Judgement]:
-    """What intrinsics show of CAM-4."""
-    yield Judgement("CAM-4")
-    if not isinstance(given, dict):
-        text = f"intrinsics is {show(given)}, no object"
-        yield Judgement("CAM-4", Breach("not-an-object", text), "/intrinsics")
-        return
-    for name in ("fx", "fy", "cx", "cy", "near", "far"):
-        low = -MAX_LENS if name in ("cx", "cy") else MIN_LENS
-        if not number_in(given.get(name), low, MAX_LENS):
-            text = f"{name} is {_has(given, name)}, no number from {low} to {MAX_LENS}"
-            yield Judgement("CAM-4", Breach("out-of-range", text), f"/intrinsics/{name}")
-    for name in ("width", "height"):
-        if not integer_in(given.get(name), 1, MAX_SIZE):
-            text = f"{name} is {_has(given, name)}, no integer from 1 to {MAX_SIZE:,}"
-            yield Judgement("CAM-4", Breach("wrong-size", text), f"/intrinsics/{name}")
-    near, far = (given.get(name) for name in ("near", "far"))
-    if is_number(near) and is_number(far) and not ascending([near, far], 2, strictly=True):
-        text = f"far is {show(far)}, near {show(near)}"
-        yield Judgement("CAM-4", Breach("far-before-near", text), "/intrinsics/far")
+def lens(value: Json, kind: str) -> Iterator[Judgement]:
+    """What the intrinsics in a message of this kind show of CAM-4."""
+    yield from form(value, kind, "CAM-4")
+    near, far = (finite(within(value, "intrinsics", name)) for name in ("near", "far"))
+    if near is not None and far is not None and far <= near:
+        wrong = Breach("far-before-near", f"far is {show(far)}, near {show(near)}")
+        yield Judgement("CAM-4", wrong, "/intrinsics/far")
 
 
 def _camera(message: Message) -> Json:
     """The camera of a `frame`; of no members where there is none."""
     camera = (message.value or {}).get("camera")
     return camera if isinstance(camera, dict) else {}
-
-
-def _has(value: Json, name: str) -> str:
-    return show(value[name]) if name in value else "missing"
-
-
-def _is_object(value: object) -> bool:
-    return isinstance(value, dict)
 
 
 @lru_cache(maxsize=1)  # each conversation of a recording asks for the same

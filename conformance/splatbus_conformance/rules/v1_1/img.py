@@ -4,33 +4,17 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from splatbus_schemas import LIMITS
-
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.form import form
 from splatbus_conformance.rules.v1_0.ini import size
-from splatbus_conformance.rules.v1_0.pos import magnitudes, unit_norm
+from splatbus_conformance.rules.v1_0.pos import unit_norm
 from splatbus_conformance.rules.v1_1.mem import announced, capabilities
 from splatbus_conformance.wire.conversation import Conversation
-from splatbus_conformance.wire.json_values import (
-    SAFE,
-    as_cut,
-    integer_in,
-    is_number,
-    numbers,
-    positive,
-    show,
-    text_of,
-    unspeakable,
-    whole,
-)
+from splatbus_conformance.wire.json_values import as_cut, finite, numbers, show, whole
 
 Json = dict[str, Any]
 Image = tuple[int | None, int | None]
 """Generation and number of an image."""
-CHANNELS = ("color", "depth")
-MAX_TAG: int = LIMITS["max_tag_chars"]
-CAMERA_NUMBERS = {"fx": True, "fy": True, "cx": False, "cy": False, "near": True, "far": True}
-"""The numbers of a camera; whether they are positive."""
 
 
 @rule("IMG-1")
@@ -181,74 +165,34 @@ def well_formed_subscription(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-19: `subscribe` names colour, depth or both."""
     for message, hello, _ in conversation.placed("subscribe"):
         if hello is not None:
-            wanted = (message.value or {}).get("channels")
-            named = isinstance(wanted, list) and all(name in CHANNELS for name in wanted)
-            fits = named and wanted and len(wanted) == len(set(wanted))
-            text = f"channels is {show(wanted)}, not color, depth or both"
-            wrong = None if fits else Breach("wrong-channels", text)
-            yield about(conversation, message, "IMG-19", wrong, "/channels")
+            shown = form(message.value or {}, "subscribe", "IMG-19")
+            yield from judged(conversation, message, shown)
 
 
 def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
     """What a `frame` shows of IMG-1, in memory that this init packet describes."""
-    most = {"slot": (_slots(described) or SAFE + 1) - 1}
-    yield Judgement("IMG-1")
-    for name in ("generation", "seq", "slot"):
-        low, high = int(name == "generation"), most.get(name, SAFE)
-        if not integer_in(value.get(name), low, high):
-            has = show(value[name]) if name in value else "missing"
-            text = f"{name} is {has}, no integer from {low} to {high}"
-            yield Judgement("IMG-1", Breach("out-of-range", text), f"/{name}")
-    seq = whole(value.get("seq"), 0)
+    yield from form(value, "frame", "IMG-1")
+    seq, slot, slots = whole(value.get("seq"), 0), whole(value.get("slot"), 0), _slots(described)
     if seq is not None and seq <= newest:
         yield Judgement("IMG-1", Breach("not-growing", f"seq {seq} comes after {newest}"), "/seq")
-    for name in ("time", "renderedAt"):
-        if not is_number(value.get(name)):
-            has = show(value[name]) if name in value else "missing"
-            wrong = Breach("not-a-number", f"{name} is {has}, no number")
-            yield Judgement("IMG-1", wrong, f"/{name}")
+    if slot is not None and 0 < slots <= slot:
+        wrong = Breach("out-of-range", f"slot is {slot}, and the ring has {slots}")
+        yield Judgement("IMG-1", wrong, "/slot")
     camera = value.get("camera")
     if isinstance(camera, dict):
-        tag = camera.get("tag", "none")
-        text = f"tag is {show(tag)}, no string of 1 to {MAX_TAG} characters"
-        fits = text_of(tag, 1, MAX_TAG)
-        yield Judgement("IMG-1", None if fits else Breach("bad-string", text), "/camera/tag")
         yield from _camera(camera, size(described.get("meta")))
-    else:
-        text = f"camera is {show(camera)}, no object"
-        yield Judgement("IMG-1", Breach("not-an-object", text), "/camera")
 
 
 def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
-    for name, count in (("position", 3), ("rotation", 4)):
-        part = camera.get(name)
-        if not numbers(part, count):
-            text = f"{name} is {show(part)}, no array of {count} numbers"
-            yield Judgement("IMG-1", Breach("not-an-array", text), f"/camera/{name}")
-    if numbers(camera.get("position"), 3):
-        each = {f"/camera/position/{i}": part for i, part in enumerate(camera["position"])}
-        yield from magnitudes(each, "IMG-1")
     if numbers(camera.get("rotation"), 4):
         yield from unit_norm(camera["rotation"], "IMG-1", "/camera/rotation")
-    planes: list[Any] = [camera.get("near"), camera.get("far")]
-    if all(positive(plane) and not unspeakable(plane) for plane in planes):
-        near, far = map(float, planes)
-        text = f"far is {show(far)}, near {show(near)}"
-        wrong = None if near < far else Breach("far-before-near", text)
+    near, far = (finite(camera.get(name)) for name in ("near", "far"))
+    if near is not None and far is not None and far <= near:
+        wrong = Breach("far-before-near", f"far is {show(far)}, near {show(near)}")
         yield Judgement("IMG-1", wrong, "/camera/far")
-    for name, must_be_positive in CAMERA_NUMBERS.items():
-        part = camera.get(name)
-        if not (positive(part) if must_be_positive else is_number(part)):
-            wanted = "positive number" if must_be_positive else "number"
-            code = "not-positive" if must_be_positive else "not-a-number"
-            text = f"{name} is {show(part)}, no {wanted}"
-            yield Judgement("IMG-1", Breach(code, text), f"/camera/{name}")
-    for i, name in enumerate(("width", "height")):
-        part = camera.get(name)
-        fits = integer_in(part, 1, LIMITS["max_image_size"])
-        if not fits or (image is not None and whole(part) not in (None, image[i])):
-            expected = f", the init packet said {image[i]}" if image else ""
-            text = f"{name} is {show(part)}{expected}"
+    for name, told in zip(("width", "height"), image or (), strict=False):
+        if whole(camera.get(name)) not in (None, told):
+            text = f"{name} is {show(camera[name])}, the init packet said {told}"
             yield Judgement("IMG-1", Breach("wrong-size", text), f"/camera/{name}")
 
 

@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
+from splatbus_conformance.rules.form import greeting
 from splatbus_conformance.rules.v1_0.ini import layout
 from splatbus_conformance.rules.v1_0.req_replies import viewport_size
 from splatbus_conformance.rules.v1_1.mem import capabilities
-from splatbus_conformance.rules.v1_1.neg_hello import hello
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import SAFE, integer_in, show, whole
 from splatbus_conformance.wire.message_kinds import (
@@ -38,7 +38,9 @@ def one_hello_first(conversation: Conversation) -> Iterator[Sighting]:
 def well_formed_hello(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-2: the members of `hello`."""
     if conversation.hello is not None:
-        yield from judged(conversation, conversation.hello, hello(conversation.hello.value or {}))
+        yield from judged(
+            conversation, conversation.hello, greeting(conversation.hello.value or {})
+        )
 
 
 @rule("NEG-5")

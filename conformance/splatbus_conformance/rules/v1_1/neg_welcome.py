@@ -1,28 +1,18 @@
 """Rules on the server's side of the negotiation, and on `error` (spec 1.1 chapter 2)."""
 
-import re
 from collections.abc import Iterator, Sequence
-from typing import Any
-
-from splatbus_schemas import LIMITS
 
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
-from splatbus_conformance.rules.v1_1 import neg_hello
+from splatbus_conformance.rules.form import form, greeting
 from splatbus_conformance.rules.v1_1.mem import capabilities, kind_of_memory
-from splatbus_conformance.rules.v1_1.neg_hello import listing, named
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import integer_in, is_version, show, strings, text_of
+from splatbus_conformance.wire.json_values import is_version, show, strings
 from splatbus_conformance.wire.message_kinds import (
     CAPABILITIES,
     CLOSING_ERRORS,
-    OTHER_ERRORS,
     vendor,
 )
-
-Json = dict[str, Any]
-MAX_TEXT: int = LIMITS["max_message_chars"]
-_POINTER = re.compile(r"(/([^~/]|~[01])*)*", re.DOTALL)
 
 
 @rule("NEG-6")
@@ -58,7 +48,7 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
             yield about(conversation, message, "NEG-6", breach if common else None, "/supported")
         elif _code(message) in ("invalid_message", "unknown_type"):
             only = len(conversation.of("hello")) == 1 and not greeted.faults
-            is_good = only and all(it.breach is None for it in neg_hello.hello(greeted.value or {}))
+            is_good = only and all(it.breach is None for it in greeting(greeted.value or {}))
             text = f"{_code(message)}, of a hello that keeps NEG-2"
             breach = Breach("refuses-a-good-hello", text)
             yield about(conversation, message, "NEG-6", breach if is_good else None)
@@ -77,7 +67,7 @@ def well_formed_welcome(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-30: the members of `welcome`."""
     for message, hello, _ in conversation.placed("welcome"):
         if hello is not None:
-            yield from judged(conversation, message, _members(message.value or {}))
+            yield from judged(conversation, message, form(message.value or {}, "welcome", "NEG-30"))
 
 
 @rule("NEG-7")
@@ -94,8 +84,7 @@ def unsupported_version_ends(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-10: `unsupported_version` lists the versions spoken, and is the last packet."""
     for message, after in _errors(conversation):
         if _code(message) == "unsupported_version":
-            supported = (message.value or {}).get("supported")
-            yield from judged(conversation, message, _supported(supported))
+            yield from judged(conversation, message, form(message.value or {}, "error", "NEG-10"))
             if after:
                 breach = Breach("after-error", "sent after unsupported_version")
                 yield about(conversation, after[0], "NEG-10", breach)
@@ -138,7 +127,7 @@ def no_error_owns_up_to_a_defect(conversation: Conversation) -> Iterator[Sightin
 def well_formed_error(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-23: the members of `error`, its code, and that its id is of a request that it answers."""
     for message, _ in _errors(conversation):
-        yield from judged(conversation, message, _error(message.value or {}))
+        yield from judged(conversation, message, form(message.value or {}, "error", "NEG-23"))
     for message in exchanges(conversation).astray:
         text = f"no request with the id {show((message.value or {}).get('id'))} waits for an answer"
         yield about(conversation, message, "NEG-23", Breach("unknown-id", text), "/id")
@@ -169,16 +158,6 @@ def _sent_too_early(conversation: Conversation) -> Message | None:
     return None
 
 
-def _members(value: Json) -> Iterator[Judgement]:
-    yield Judgement("NEG-30")
-    if not is_version(value.get("version")):
-        has = show(value["version"]) if "version" in value else "missing"
-        text = f"version is {has}: not two integers joined by a dot"
-        yield Judgement("NEG-30", Breach("not-a-version", text), "/version")
-    yield from named(value.get("server"), "server", "NEG-30")
-    yield from listing(value.get("capabilities"), "NEG-30")
-
-
 def _granted(message: Message, offered: frozenset[str] | None, channel: str) -> Iterator[Judgement]:
     for i, name in enumerate(strings((message.value or {}).get("capabilities")) or []):
         yield Judgement("NEG-7")
@@ -189,38 +168,6 @@ def _granted(message: Message, offered: frozenset[str] | None, channel: str) -> 
         if name not in CAPABILITIES[channel] and vendor(name) is None:
             breach = Breach("wrong-channel", f"{show(name)} is none of this channel's")
             yield Judgement("NEG-7", breach, pointer)
-
-
-def _supported(supported: object) -> Iterator[Judgement]:
-    yield Judgement("NEG-10")
-    if not (isinstance(supported, list) and supported):
-        text = f"supported is {show(supported)}, no array of versions"
-        yield Judgement("NEG-10", Breach("not-an-array", text), "/supported")
-        return
-    for i, version in enumerate(supported):
-        if not is_version(version):
-            breach = Breach("not-a-version", f"{show(version)} is no version")
-            yield Judgement("NEG-10", breach, f"/supported/{i}")
-
-
-def _error(value: Json) -> Iterator[Judgement]:
-    code, text, pointer = value.get("code"), value.get("message"), value.get("pointer", "")
-    yield Judgement("NEG-23")
-    if code not in CLOSING_ERRORS and code not in OTHER_ERRORS:
-        breach = Breach("unknown-code", f"code is {show(code)}, which is not in the table")
-        yield Judgement("NEG-23", breach, "/code")
-    if not text_of(text, 0, MAX_TEXT):
-        wrong = f"message is {show(text)}, no string of up to {MAX_TEXT:,} characters"
-        yield Judgement("NEG-23", Breach("bad-string", wrong), "/message")
-    if not (isinstance(pointer, str) and _POINTER.fullmatch(pointer)):
-        breach = Breach("not-a-pointer", f"pointer is {show(pointer)}, no JSON Pointer")
-        yield Judgement("NEG-23", breach, "/pointer")
-    if "supported" in value and code != "unsupported_version":
-        breach = Breach("stray-member", f"supported stands beside {show(code)}")
-        yield Judgement("NEG-23", breach, "/supported")
-    if "id" in value and not integer_in(value["id"], 0):
-        breach = Breach("out-of-range", f"id is {show(value['id'])}")
-        yield Judgement("NEG-23", breach, "/id")
 
 
 def _errors(conversation: Conversation) -> Iterator[tuple[Message, Sequence[Message]]]:

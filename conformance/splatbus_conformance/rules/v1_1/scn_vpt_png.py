@@ -4,26 +4,26 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-from splatbus_schemas import LIMITS
-
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import Exchange, exchanges
-from splatbus_conformance.rules.members import count, each_once, named, number, vector
+from splatbus_conformance.rules.form import each_once, form
 from splatbus_conformance.rules.v1_0.req_replies import size_told
 from splatbus_conformance.rules.v1_1.mem import capabilities
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import (
+    array,
     as_double,
-    ascending,
+    finite,
+    finites,
     is_number,
     show,
     unspeakable,
     whole,
+    within,
 )
 from splatbus_conformance.wire.message_kinds import NEEDS
 
 Json = dict[str, Any]
-MAX_OBJECTS: int = LIMITS["max_objects"]
 
 
 @rule("SCN-2")
@@ -133,59 +133,34 @@ def _promised(
     """What an answer shows of the requirement that promises it: `internal` owns up to a defect."""
     value = pair.answer.value or {}
     if pair.answer.kind != "error":
-        yield from content(value, pair.question.value or {})
+        named = ("/type", "/id")  # by NEG-28
+        shown = content(value, pair.question.value or {})
+        yield from (it for it in shown if it.pointer not in named)
     elif value.get("code") != "internal":
         text = f"answered by error {show(value.get('code'))}"
         yield Judgement(requirement, Breach("answered-by-error", text), "/code")
 
 
 def _scene(value: Json, _: Json) -> Iterator[Judgement]:
-    objects, times = value.get("objects"), value.get("timeRange", "missing")
-    if isinstance(objects, list) and 1 <= len(objects) <= MAX_OBJECTS:
-        for i, item in enumerate(objects):
-            yield from _object(item, f"/objects/{i}")
-        yield from each_once(objects, "id", "SCN-2", "/objects")
-        ids = [item.get("id") for item in objects if isinstance(item, dict)]
-        breach = Breach("no-default", 'no object has the id "default"')
-        yield Judgement("SCN-2", None if "default" in ids else breach, "/objects")
-    else:
-        text = f"objects is {show(objects)}, no array of 1 to {MAX_OBJECTS} objects"
-        yield Judgement("SCN-2", Breach("not-an-array", text), "/objects")
-    if times is not None:
-        breach = Breach("not-a-range", f"timeRange is {show(times)}, no two times")
-        yield Judgement("SCN-2", None if ascending(times, 2) else breach, "/timeRange")
-    yield count(value, "cameras", "SCN-2", "")
-    yield vector(value, "origin", "SCN-2", "")
-
-
-def _object(item: object, pointer: str) -> Iterator[Judgement]:
-    if not isinstance(item, dict):
-        yield Judgement("SCN-2", Breach("not-an-object", f"{show(item)} is no object"), pointer)
-        return
-    yield named(item, "id", "SCN-2", pointer)
-    yield named(item, "name", "SCN-2", pointer, least=0)
-    yield count(item, "gaussians", "SCN-2", pointer)
-    bounds = item.get("bounds", "missing")
-    if isinstance(bounds, dict):
-        ends = [vector(bounds, name, "SCN-2", f"{pointer}/bounds") for name in ("min", "max")]
-        yield from ends
-        if not any(end.breach for end in ends):
-            turned = any(a > b for a, b in zip(bounds["min"], bounds["max"], strict=True))
-            text = f"min {show(bounds['min'])} is beyond max {show(bounds['max'])}"
-            wrong = Breach("min-beyond-max", text) if turned else None
-            yield Judgement("SCN-2", wrong, f"{pointer}/bounds")
-    elif bounds is not None:
-        text = f"bounds is {show(bounds)}, neither null nor an object"
-        yield Judgement("SCN-2", Breach("not-an-object", text), f"{pointer}/bounds")
+    yield from form(value, "scene", "SCN-2")
+    objects, times = array(value.get("objects")), finites(value.get("timeRange"), 2)
+    yield from each_once(objects, "id", "SCN-2", "/objects")
+    for i, item in enumerate(objects):
+        low, high = (finites(within(item, "bounds", name), 3) for name in ("min", "max"))
+        if low and high and any(a > b for a, b in zip(low, high, strict=True)):
+            wrong = Breach("min-beyond-max", f"min {show(low)} is beyond max {show(high)}")
+            yield Judgement("SCN-2", wrong, f"/objects/{i}/bounds")
+    if times and times[0] > times[1]:
+        wrong = Breach("not-a-range", f"timeRange is {show(times)}, which ends before it begins")
+        yield Judgement("SCN-2", wrong, "/timeRange")
 
 
 def _pong(value: Json, asked: Json) -> Iterator[Judgement]:
-    has = show(value["t"]) if "t" in value else "missing"
-    same = is_number(value.get("t")) and as_double(value["t"]) == as_double(asked["t"])
-    text = f"t is {has}, the ping's was {show(asked['t'])}"
-    fine = same or unspeakable(value.get("t"))
-    yield Judgement("PNG-2", None if fine else Breach("another-time", text), "/t")
-    yield number(value, "serverTime", "PNG-2", "")
+    yield from form(value, "pong", "PNG-2")
+    told = finite(value.get("t"))
+    if told is not None and told != as_double(asked["t"]):
+        text = f"t is {show(value['t'])}, the ping's was {show(asked['t'])}"
+        yield Judgement("PNG-2", Breach("another-time", text), "/t")
 
 
 RULES: tuple[Rule, ...] = (

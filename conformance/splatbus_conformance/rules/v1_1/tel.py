@@ -3,30 +3,23 @@
 from collections.abc import Iterator
 from typing import Any
 
-from splatbus_schemas import LIMITS
-
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
-from splatbus_conformance.rules.members import count, each_once, named, number
+from splatbus_conformance.rules.form import each_once, form
 from splatbus_conformance.rules.v1_1.mem import capabilities
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import (
-    MAX_CHARS,
+    array,
     ascending,
-    integer_in,
+    numbers,
     show,
-    strings,
-    text_of,
     whole,
+    within,
 )
 
 Json = dict[str, Any]
 Names = frozenset[str] | None
 """What a client has subscribed to; None for all."""
-MAX_SERIES: int = LIMITS["max_series"]
-MAX_EDGES: int = LIMITS["max_edges"]
-MAX_TEXT: int = LIMITS["max_text_chars"]
-KINDS = ("scalar", "histogram", "text")
 
 
 @rule("TEL-1")
@@ -81,71 +74,25 @@ def only_what_was_asked_for(conversation: Conversation) -> Iterator[Sighting]:
 
 def wish(value: Json) -> Iterator[Judgement]:
     """What a `subscribe_telemetry` shows of TEL-1."""
-    has = show(value["names"]) if "names" in value else "missing"
-    names = value.get("names", ...)
-    listed = strings(names)
-    fits = names is None or (
-        listed is not None
-        and len(listed) <= MAX_SERIES
-        and len(set(listed)) == len(listed)
-        and all(text_of(name, 1, MAX_CHARS) for name in listed)
-    )
-    text = (
-        f"names is {has}, neither null nor up to {MAX_SERIES} different strings"
-        f" of 1 to {MAX_CHARS} characters"
-    )
-    yield Judgement("TEL-1", None if fits else Breach("wrong-names", text), "/names")
+    return form(value, "subscribe_telemetry", "TEL-1")
 
 
 def _telemetry(value: Json, newest: int) -> Iterator[Judgement]:
-    yield count(value, "seq", "TEL-2", "")
-    seq = whole(value.get("seq"), 0)
+    yield from form(value, "telemetry", "TEL-2")
+    seq, series = whole(value.get("seq"), 0), array(value.get("series"))
     if seq is not None and seq <= newest:
         yield Judgement("TEL-2", Breach("not-growing", f"seq {seq} comes after {newest}"), "/seq")
-    yield number(value, "time", "TEL-2", "")
-    series = value.get("series")
-    if not (isinstance(series, list) and 1 <= len(series) <= MAX_SERIES):
-        text = f"series is {show(series)}, no array of 1 to {MAX_SERIES} objects"
-        yield Judgement("TEL-2", Breach("not-an-array", text), "/series")
-        return
-    for i, item in enumerate(series):
-        yield from _series(item, f"/series/{i}")
     yield from each_once(series, "name", "TEL-2", "/series")
-
-
-def _series(item: object, pointer: str) -> Iterator[Judgement]:
-    if not isinstance(item, dict):
-        yield Judgement("TEL-2", Breach("not-an-object", f"{show(item)} is no object"), pointer)
-        return
-    yield named(item, "name", "TEL-2", pointer)
-    kind = item.get("kind")
-    if kind == "scalar":
-        yield number(item, "value", "TEL-2", pointer)
-        if "unit" in item:
-            yield named(item, "unit", "TEL-2", pointer, least=0)
-    elif kind == "histogram":
-        yield from _histogram(item.get("edges"), item.get("counts"), pointer)
-    elif kind == "text":
-        text = f"value is {show(item.get('value'))}, no string of up to {MAX_TEXT:,} characters"
-        fits = text_of(item.get("value"), 0, MAX_TEXT)
-        wrong = None if fits else Breach("bad-string", text)
-        yield Judgement("TEL-2", wrong, f"{pointer}/value")
-    else:
-        has = show(kind) if "kind" in item else "missing"
-        breach = Breach("unknown-kind", f"kind is {has}, which is not in the table")
-        yield Judgement("TEL-2", breach, f"{pointer}/kind")
-
-
-def _histogram(edges: object, counts: object, pointer: str) -> Iterator[Judgement]:
-    if not ascending(edges, 2, MAX_EDGES, strictly=True):
-        text = f"edges is {show(edges)}, no array of 2 to {MAX_EDGES:,} ascending numbers"
-        yield Judgement("TEL-2", Breach("wrong-edges", text), f"{pointer}/edges")
-        return
-    assert isinstance(edges, list)
-    fits = isinstance(counts, list) and len(counts) == len(edges) - 1
-    if not (fits and isinstance(counts, list) and all(integer_in(each, 0) for each in counts)):
-        text = f"counts is {show(counts)}, not {len(edges) - 1} integers from 0"
-        yield Judgement("TEL-2", Breach("wrong-counts", text), f"{pointer}/counts")
+    for i, item in enumerate(series):
+        edges, counts = within(item, "edges"), within(item, "counts")
+        if within(item, "kind") != "histogram" or not numbers(edges, len(array(edges))):
+            continue
+        if not ascending(edges, len(edges), strictly=True):
+            wrong = Breach("wrong-edges", f"edges is {show(edges)}, in which none is to fall")
+            yield Judgement("TEL-2", wrong, f"/series/{i}/edges")
+        elif isinstance(counts, list) and len(counts) != len(edges) - 1:
+            wrong = Breach("wrong-counts", f"counts is {show(counts)}, not {len(edges) - 1}")
+            yield Judgement("TEL-2", wrong, f"/series/{i}/counts")
 
 
 def _unwanted(message: Message, possible: list[tuple[int, Names]]) -> Breach | None:

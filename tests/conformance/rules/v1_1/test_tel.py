@@ -94,7 +94,8 @@ def test_tel_1_takes(names: Any) -> None:
 def test_tel_2_covers_every_member(pointer: str, value: Any) -> None:
     broken = tells(changed(TELEMETRY, pointer, value))
     assert breaches(broken) == {("server", "TEL-2"): 1}
-    assert pointer.startswith(first_breach(broken).pointer)
+    found = first_breach(broken).pointer
+    assert pointer.startswith(found) or found == f"{pointer}/1"
 
 
 @pytest.mark.parametrize(
