@@ -18,6 +18,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.hostile.__main__ import RESULTS, Talker
 from benchmarks.hostile.attacks import ATTACKS
 
@@ -57,12 +58,8 @@ def grown(found: list[dict[str, float]]) -> list[str]:
 
 def picture(found: list[dict[str, float]], path: Path) -> None:
     """A panel for each."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(1, len(COUNTED), figsize=(14, 2.8))
+    plt = pyplot()
+    figure, axes = plt.subplots(1, len(COUNTED), figsize=(14, 2.8))
     minutes = [(it["seconds"] - found[0]["seconds"]) / 60 for it in found]
     for axis, name in zip(axes, COUNTED, strict=True):
         unit = 1 << 20 if "bytes" in name else 1
@@ -71,7 +68,7 @@ def picture(found: list[dict[str, float]], path: Path) -> None:
         axis.set_title(name.replace("bytes", "MiB").replace("_", " "))
         axis.set_xlabel("minutes")
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> int:
