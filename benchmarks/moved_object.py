@@ -177,7 +177,6 @@ def colours_by_angle(count: int, angles: list[float], axes: int) -> list[dict[st
                         "way": way,
                         "degree": degree,
                         "angle": angle,
-                        "mean_255": float(errors.mean()),
                         "median_255": float(median),
                         "p99_255": float(high),
                         "worst_255": float(errors.max()),

@@ -41,11 +41,12 @@ def rounds(minutes: float) -> list[dict[str, float]]:
             for name in ATTACKS:
                 line = [sys.executable, "-m", "benchmarks.hostile.attacks", name, *ports, ""]
                 with subprocess.Popen([*line, str(TURN_SECONDS)]):
-                    seen = canary.ask(str(TURN_SECONDS))
+                    canary.ask(str(TURN_SECONDS))
             time.sleep(REST_SECONDS)
-            found.append({**host.ask(), "seen": seen["seen"] / seen["poses"]})
-            told = ", ".join(f"{name} {found[-1][name]:,}" for name in COUNTED)
-            print(f"{len(found)}: {told}", flush=True)
+            told = host.ask()
+            found.append({name: told[name] for name in ("seconds", *COUNTED)})
+            counted = ", ".join(f"{name} {told[name]:,}" for name in COUNTED)
+            print(f"{len(found)}: {counted}", flush=True)
     return found
 
 

@@ -203,7 +203,7 @@ def relative_at_its_worst(
 
 
 def measure(distances: list[float], count: int) -> list[dict[str, Any]]:
-    """A row for each way and distance: worst and median pixel error, worst error of the centre."""
+    """A row for each way and distance: worst error in pixels and of the centre."""
     rows = []
     for distance in distances:
         found = situations(distance, count)
@@ -220,7 +220,6 @@ def measure(distances: list[float], count: int) -> list[dict[str, Any]]:
                     "way": name,
                     "distance": distance,
                     "worst_px": float(errors.max()),
-                    "median_px": float(np.median(errors)),
                     "worst_centre": max(centres),
                 }
             )
