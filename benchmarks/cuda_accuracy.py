@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._cuda import RESULTS, Buffer, require_gpu, write
+from benchmarks._pictures import pyplot, save
 
 LARGEST = float(np.finfo(np.float32).max)
 LEAST_ALPHA = np.float32(1.0 / 255.0)
@@ -114,11 +115,7 @@ def judged(kind: str, depth: np.ndarray, alpha: np.ndarray, found: np.ndarray) -
 
 
 def draw(rows: list[dict[str, Any]]) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     names = list(dict.fromkeys(row["inputs"] for row in rows))
     figure, axis = plt.subplots(figsize=(9, 4))
     for offset, kind in enumerate(("linear", "inverse", "accumulated")):
@@ -140,7 +137,7 @@ def draw(rows: list[dict[str, Any]]) -> None:
     axis.legend(fontsize=8, loc="upper right")
     axis.invert_yaxis()
     figure.tight_layout()
-    figure.savefig(RESULTS / "cuda_accuracy.png", dpi=110)
+    save(figure, RESULTS / "cuda_accuracy.png")
 
 
 def main() -> None:

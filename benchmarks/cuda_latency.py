@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._cuda import PIXEL_BYTES, RESULTS, ROOT, Buffer, require_gpu, write
+from benchmarks._pictures import pyplot, save
 
 POSE_BYTES, FRAME_BYTES, HANDLE_BYTES = 190, 330, 64
 IN_A_ROW = 50
@@ -180,11 +181,7 @@ def measure(width: int, height: int, rounds: int) -> dict[str, Any]:
 
 
 def draw(rows: list[dict[str, Any]]) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axis = plt.subplots(figsize=(7.5, 3.8))
     bars = [(w, p) for w in ("floor", "frame") for p in ("p50_ms", "p99_ms")]
     for offset, (who, percentile) in enumerate(bars):
@@ -202,7 +199,7 @@ def draw(rows: list[dict[str, Any]]) -> None:
     axis.set_ylabel("pose sent until frame read (ms)")
     axis.legend(fontsize=8)
     figure.tight_layout()
-    figure.savefig(RESULTS / "cuda_latency.png", dpi=110)
+    save(figure, RESULTS / "cuda_latency.png")
 
 
 def main() -> None:

@@ -26,6 +26,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from benchmarks._cuda import PIXEL_BYTES, RESULTS, SIZES, require_gpu, write
+from benchmarks._pictures import pyplot, save
 from benchmarks.round_trip import HELLO, packet
 
 GPU_GOAL, WALL_GOAL = 1.05, 1.15
@@ -194,11 +195,7 @@ def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
 
 
 def draw(rows: list[dict[str, Any]], gpu: str) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     layouts = list(dict.fromkeys(row["layout"] for row in rows))
     figure, axes = plt.subplots(1, 3, figsize=(13, 4.6), sharey=True)
     titles = {"gpu": "on the GPU", "wall": "call to done", "loop": "render loop, no wait"}
@@ -225,7 +222,7 @@ def draw(rows: list[dict[str, Any]], gpu: str) -> None:
     )
     figure.suptitle(f"Publishing an image on an {gpu}", fontsize=11)
     figure.tight_layout(rect=(0.0, 0.06, 1.0, 1.0))
-    figure.savefig(RESULTS / "cuda_publish.png", dpi=110)
+    save(figure, RESULTS / "cuda_publish.png")
 
 
 def main() -> None:

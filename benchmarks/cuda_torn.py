@@ -27,6 +27,7 @@ from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from benchmarks._cuda import RESULTS, ROOT, Buffer, Kernel, require_gpu, write
+from benchmarks._pictures import pyplot, save
 
 SOURCE = """
 __device__ unsigned hashed(unsigned n, unsigned p) {
@@ -197,11 +198,7 @@ def measure(
 
 
 def draw(rows: list[dict[str, Any]]) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axis = plt.subplots(figsize=(9.5, 3.8))
     for offset, name in enumerate(("published_per_second", "reads_per_second")):
         places = [row + 0.4 * (offset - 0.5) for row in range(len(rows))]
@@ -222,7 +219,7 @@ def draw(rows: list[dict[str, Any]]) -> None:
         "A server without a pause, a reader that checks, a reader that stalls", fontsize=10
     )
     figure.tight_layout()
-    figure.savefig(RESULTS / "cuda_torn.png", dpi=110)
+    save(figure, RESULTS / "cuda_torn.png")
 
 
 def main() -> None:

@@ -31,6 +31,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._pictures import pyplot, save
+
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 CLIENTS = ROOT / "reference_client"
@@ -163,13 +165,9 @@ def measure(rounds: int) -> list[dict[str, Any]]:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
+    plt = pyplot()
     names = [row["client"] for row in rows]
-    figure, (left, middle, right) = pyplot.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(11, 3.4), layout="constrained")
     arrival = next(row["arrival_us"] for row in rows if row["client"] == "C++")
     heights = [*(row["processor_us"] for row in rows), arrival]
     left.bar_label(left.bar([*names, "C++, to\nthe copy"], heights), fmt="%.0f")
@@ -183,7 +181,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     right.bar_label(bars, fmt="%.2f")
     right.axhline(1.0, linestyle=":", color="black")
     right.set_title("copy of a 1080p image, times the floor")
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ import numpy as np
 import splatbus_server
 from splatbus_server import publish
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.round_trip import RESULTS, watched
 
 GOALS = {"numpy": 3.0, "compiled": 1.3}
@@ -121,11 +122,7 @@ def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
 
 def draw(rows: list[dict[str, Any]], ways: list[str], path: Any) -> None:
     """The worst kind of depth for each layout."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(11, 4), sharey=True, width_ratios=(7, 6))
     for axis, numbers in zip(axes, ("float32", "float16"), strict=True):
         chosen = [row for row in rows if row["numbers"] == numbers]
@@ -145,7 +142,7 @@ def draw(rows: list[dict[str, Any]], ways: list[str], path: Any) -> None:
     axes[0].set_ylabel("time / numpy.copyto of the same bytes")
     axes[0].legend(loc="upper left", fontsize=8)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> None:

@@ -33,6 +33,7 @@ from splatbus_splats.drawing import harmonics
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.splats import drawing, turning
 from benchmarks.splats.drawing import Gaussians
 
@@ -176,7 +177,6 @@ def colours_by_angle(count: int, angles: list[float], axes: int) -> list[dict[st
                         "way": way,
                         "degree": degree,
                         "angle": angle,
-                        "mean_255": float(errors.mean()),
                         "median_255": float(median),
                         "p99_255": float(high),
                         "worst_255": float(errors.max()),
@@ -229,7 +229,7 @@ def draw_times(rows: list[dict[str, Any]], path: Path) -> None:
     axes.set(xscale="log", yscale="log", xlabel="Gaussians in the object", ylabel="median (ms)")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def draw_colours(rows: list[dict[str, Any]], path: Path) -> None:
@@ -251,7 +251,7 @@ def draw_colours(rows: list[dict[str, Any]], path: Path) -> None:
     figure.legend(
         *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8
     )
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def draw_pictures(images: dict[str, Floats], path: Path) -> dict[str, Any]:
@@ -278,17 +278,8 @@ def draw_pictures(images: dict[str, Floats], path: Path) -> dict[str, Any]:
     figure.colorbar(shown, ax=panels[4])
     for axes in panels:
         axes.set_axis_off()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
     return found
-
-
-def pyplot() -> Any:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt
 
 
 def main() -> None:

@@ -33,6 +33,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.round_trip import IDENTITY, RESULTS, packet, process, round_trips, server, watched
 
 GOAL_US = 100.0
@@ -155,11 +156,7 @@ def rows_of(times: dict[tuple[str, str], list[list[float]]]) -> list[dict[str, A
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axes = plt.subplots(1, 2, figsize=(10, 4))
     for axis, percentile in zip(axes, ("p50_us", "p99_us"), strict=True):
         for place, way in enumerate(WAYS[1:]):
@@ -173,7 +170,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     axes[0].set_ylabel("added to a message, one way (µs)")
     axes[0].legend(fontsize=8)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> None:

@@ -31,6 +31,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._pictures import pyplot, save
+
 RESULTS = Path(__file__).parent / "results"
 READY = re.compile(r"IPC port (\d+), message port (\d+)")
 GOAL = 3.0
@@ -155,11 +157,7 @@ def summary(times: list[float]) -> dict[str, float]:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axis = plt.subplots(figsize=(8, 4))
     for offset, (who, percentile) in enumerate(
         (w, p) for w in ("echo", "server") for p in ("p50_ms", "p99_ms")
@@ -176,7 +174,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     axis.set_ylabel("round trip of get_viewport_size (ms)")
     axis.legend(fontsize=7)
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> None:

@@ -28,6 +28,8 @@ from splatbus_wire.framing import PacketDecoder, encode_packet
 from splatbus_wire.messages import decode_from_client
 from splatbus_wire.poses import view_matrix
 
+from benchmarks._pictures import pyplot, save
+
 RESULTS = Path(__file__).parent / "results"
 GOAL_POSES_PER_SECOND = 100_000
 
@@ -118,11 +120,7 @@ def measure(spelling: Callable[[Message], str], poses: int, rounds: int) -> dict
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, axes = plt.subplots(figsize=(8, 3.2), layout="constrained")
     places = range(len(rows))
     for shift, member, label in (
@@ -138,7 +136,7 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     axes.set_xlabel("poses a second")
     axes.margins(x=0.12)
     axes.legend(fontsize=8)
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> None:

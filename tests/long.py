@@ -100,7 +100,7 @@ BUSY = 2
 """Processes that never rest."""
 RUN_SECONDS = foreign_programs.RUN_SECONDS = 3600  # theirs is for the profile that tests run
 Outcome = dict[str, Any]
-"""What is stored of a task: what is wrong, in sentences, and which verdicts are no passes."""
+"""What is stored of a task: what is wrong, in sentences; of our pair, what verdict is no pass."""
 
 
 @dataclass(frozen=True)
@@ -175,13 +175,13 @@ def engine(language: str, program_and_axes: str, profile: str, seed: int, scratc
     command = shlex.join([*built(language, program, scratch), *axes])
     how = "--adapter" if axes else "--launch"
     words = (ASKS_FOR_IT,) if language == "cpp" else ()
-    return judged("client", how, command, {}, profile, seed, scratch, *words)
+    return {"wrong": judged("client", how, command, {}, profile, seed, scratch, *words)["wrong"]}
 
 
 def blender(version: str, profile: str, seed: int, scratch: Path) -> Outcome:
     """Judge the extension for Blender: anything but a run that conforms is wrong."""
     how, command, *words = adapter(installed(version), scratch)
-    return judged("client", how, command, {}, profile, seed, scratch, *words)
+    return {"wrong": judged("client", how, command, {}, profile, seed, scratch, *words)["wrong"]}
 
 
 def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
@@ -309,8 +309,8 @@ def sit(tasks: list[Task], state: dict[str, Any], until: float, at_a_time: int) 
             finished, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in finished:
                 task, outcome = running.pop(future), future.result()
+                state["seconds"] += outcome.pop("seconds")
                 state["tasks"][task.name] = outcome
-                state["seconds"] += outcome["seconds"]
                 save(state)
                 print(f"{task.name}: {'; '.join(outcome['wrong']) or 'as it must be'}", flush=True)
 

@@ -5,6 +5,7 @@ why it is not seen, or what it would take.
 """
 
 import json
+import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from fnmatch import fnmatchcase
@@ -13,7 +14,9 @@ from typing import Any, NamedTuple
 
 RESULTS = Path(__file__).parent / "results"
 FORMER, NEWEST = RESULTS / "machine.former.json", RESULTS / "machine.json"
-"""What led to checks, and what was drawn afterwards with another seed."""
+"""What led to checks, of which those that live are kept, and what was drawn afterwards with another
+seed.
+"""
 FAMILIES = RESULTS / "families.json"
 PAGE = Path(__file__).parents[1] / "conformance" / "SURVIVORS.md"
 SEEN = ("killed", "not executed")
@@ -87,7 +90,8 @@ def page() -> str:
 def figures(path: Path) -> list[str]:
     """What is said of one result."""
     result = json.loads(path.read_text("utf-8"))
-    drawn = f"{len(result['judged']):,} drawn with seed {result['seed']}"
+    count = sum(map(int, re.findall(r": (\d+)", result["summary"][-1])))
+    drawn = f"{count:,} drawn with seed {result['seed']}"
     since = ", before what they showed was mended" if path == FORMER else ""
     head = f"{drawn}, at `{result['commit'][:12]}`{since}:"
     return [head, "", *(f"- {line}" for line in result["summary"]), ""]

@@ -11,6 +11,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.accuracy import labels, stored
 from benchmarks.accuracy.front import Point, front
 
@@ -35,12 +36,9 @@ class Scale(NamedTuple):
 
 
 def draw(report: dict[str, Any], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+    plt = pyplot()
     rows = [(part, i) for part in report["parts"] for i in range(len(part["measures"]))]
     near = [neighbours(part, i) for part, i in rows]
     width = WIDE + NARROW if any(near) else WIDE + 3.0
@@ -67,7 +65,7 @@ def draw(report: dict[str, Any], path: Path) -> None:
         figure.canvas.draw()
         for panel in drawn:
             name(panel)
-        figure.savefig(path, dpi=100)
+        save(figure, path, 100)
         plt.close(figure)
 
 

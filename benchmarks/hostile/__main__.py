@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.hostile.attacks import ATTACKS
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -71,8 +72,6 @@ def behaved(host: Talker, canary: Talker, seconds: float) -> dict[str, float]:
     waits = seen["waits"] or [np.inf]
     return {
         "frames": seen["seen"] / seen["poses"],
-        "again": seen["again"],
-        "p50_ms": float(np.percentile(waits, 50)),
         "p99_ms": float(np.percentile(waits, 99)),
         "turns": (after["turns"] - before["turns"]) / (after["seconds"] - before["seconds"]),
     }
@@ -122,13 +121,9 @@ def misses(found: dict[str, Any], loop: str) -> list[str]:
 
 def picture(result: dict[str, Any], path: Path) -> None:
     """A row of dots for each attack, in three panels."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    from matplotlib import pyplot
-
+    plt = pyplot()
     names = list(ATTACKS)[::-1]
-    figure, axes = pyplot.subplots(1, 3, figsize=(12, 0.32 * len(names) + 1.6), sharey=True)
+    figure, axes = plt.subplots(1, 3, figsize=(12, 0.32 * len(names) + 1.6), sharey=True)
     for (case, found), shift, color in zip(
         result["cases"].items(), (0.15, -0.15), ("#1f6feb", "#d1242f"), strict=False
     ):
@@ -163,7 +158,7 @@ def picture(result: dict[str, Any], path: Path) -> None:
     figure.legend(*axes[0].get_legend_handles_labels(), loc="lower left", ncols=2)
     figure.suptitle("A client that behaves, beside three that do not; dotted: the goals")
     figure.tight_layout(rect=(0.0, 0.04, 1.0, 1.0))
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> None:

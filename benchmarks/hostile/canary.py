@@ -3,7 +3,7 @@
     python -m benchmarks.hostile.canary PORT_OF_IPC PORT_OF_MESSAGES TOKEN
 
 For each line of seconds that comes, behaves for so long; prints poses, images that showed them in
-time, round trips (milliseconds), and how often it had to connect again, as JSON.
+time, and round trips (milliseconds), as JSON.
 """
 
 from __future__ import annotations
@@ -56,20 +56,18 @@ class Canary:
     def __init__(self, ipc: str, message: str, token: str) -> None:
         self._where = int(ipc), int(message), token
         self.number = self.seen = 0
-        self.again = -1
         self.waits: list[float] = []
         self.connect()
 
     def connect(self) -> None:
         """Connects both channels; the first image has to come."""
-        self.again += 1
         ipc, message, token = self._where
         self.ipc = Channel(ipc, token, "host_shm", "frames", "reinit")
         self.message = Channel(message, token, "ping")
 
     def behave(self, seconds: float) -> dict[str, Any]:
         """Sends poses, and returns what became of them."""
-        self.seen, self.again, self.waits = 0, 0, []
+        self.seen, self.waits = 0, []
         count = round(seconds * HERTZ)
         due = time.perf_counter()
         for _ in range(count):
@@ -86,7 +84,7 @@ class Canary:
                     self.connect()
                 time.sleep(0.05)
                 due = time.perf_counter()
-        return {"poses": count, "seen": self.seen, "waits": self.waits, "again": self.again}
+        return {"poses": count, "seen": self.seen, "waits": self.waits}
 
     def listen(self, tag: str, until: float) -> None:
         """Takes what comes until the next pose is due."""

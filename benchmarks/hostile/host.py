@@ -48,11 +48,11 @@ def main() -> None:
     kind, token = sys.argv[1:3]
     bus = splatbus_server.serve(*SIZE, ipc_port=0, message_port=0, token=token or None)
     print(json.dumps(bus.address[1:]), flush=True)
-    turns = images = 0
+    turns = 0
 
     def tell() -> None:
         for _ in sys.stdin:
-            print(json.dumps({"turns": turns, "images": images, **state()}), flush=True)
+            print(json.dumps({"turns": turns, **state()}), flush=True)
         os._exit(0)
 
     threading.Thread(target=tell, daemon=True).start()
@@ -69,7 +69,6 @@ def main() -> None:
         view = bus.next_view(0.0)
         if view is not None:
             bus.publish(view, color, depth if view.wants_depth else None)
-            images += 1
 
 
 if __name__ == "__main__":

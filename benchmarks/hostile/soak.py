@@ -18,6 +18,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.hostile.__main__ import RESULTS, Talker
 from benchmarks.hostile.attacks import ATTACKS
 
@@ -40,11 +41,12 @@ def rounds(minutes: float) -> list[dict[str, float]]:
             for name in ATTACKS:
                 line = [sys.executable, "-m", "benchmarks.hostile.attacks", name, *ports, ""]
                 with subprocess.Popen([*line, str(TURN_SECONDS)]):
-                    seen = canary.ask(str(TURN_SECONDS))
+                    canary.ask(str(TURN_SECONDS))
             time.sleep(REST_SECONDS)
-            found.append({**host.ask(), "seen": seen["seen"] / seen["poses"]})
-            told = ", ".join(f"{name} {found[-1][name]:,}" for name in COUNTED)
-            print(f"{len(found)}: {told}", flush=True)
+            told = host.ask()
+            found.append({name: told[name] for name in ("seconds", *COUNTED)})
+            counted = ", ".join(f"{name} {told[name]:,}" for name in COUNTED)
+            print(f"{len(found)}: {counted}", flush=True)
     return found
 
 
@@ -57,12 +59,8 @@ def grown(found: list[dict[str, float]]) -> list[str]:
 
 def picture(found: list[dict[str, float]], path: Path) -> None:
     """A panel for each."""
-    import matplotlib
-
-    matplotlib.use("agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(1, len(COUNTED), figsize=(14, 2.8))
+    plt = pyplot()
+    figure, axes = plt.subplots(1, len(COUNTED), figsize=(14, 2.8))
     minutes = [(it["seconds"] - found[0]["seconds"]) / 60 for it in found]
     for axis, name in zip(axes, COUNTED, strict=True):
         unit = 1 << 20 if "bytes" in name else 1
@@ -71,7 +69,7 @@ def picture(found: list[dict[str, float]], path: Path) -> None:
         axis.set_title(name.replace("bytes", "MiB").replace("_", " "))
         axis.set_xlabel("minutes")
     figure.tight_layout()
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def main() -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from benchmarks._pictures import pyplot, save
 from benchmarks.accuracy.front import Point, front
 
 ROUNDING = 1e-5
@@ -14,11 +15,7 @@ LABELS = {"gaussians": "Gaussians, 640×480", "pixels": "pixels, 100,000", "laye
 
 def draw(figures: dict[str, Any], path: Path) -> None:
     """Time against error for each scene, and growth."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     names = list(dict.fromkeys(row["scene"] for row in figures["skips"]))
     figure, axes = plt.subplots(2, 5, figsize=(20, 8))
     places = iter(axes.flat)
@@ -27,7 +24,7 @@ def draw(figures: dict[str, Any], path: Path) -> None:
     for by, label in LABELS.items():
         _growth(next(places), label, [row for row in figures["growth"] if row["by"] == by])
     figure.tight_layout()
-    figure.savefig(path, dpi=80)
+    save(figure, path, 80)
 
 
 def _scene(axis: Any, name: str, rows: list[dict[str, Any]]) -> None:

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from splatbus_wire.compositing import over_straight
 from splatbus_wire.depth import COVERED_ALPHA_MIN, planar_depth
 
+from benchmarks._pictures import pyplot, save
+
 Singles = NDArray[np.float32]
 
 DEPTHS = np.logspace(-6, 9, 15 * 211 + 1)
@@ -124,11 +126,7 @@ def seconds(work: Callable[[], Any]) -> float:
 
 
 def draw(depths: list[dict[str, Any]], alphas: list[dict[str, Any]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
     floor = 1e-9
     for colour, thick, name in zip(("crimson", "C1", "C0"), (5, 2.5, 1.2), WAYS, strict=True):
@@ -170,4 +168,4 @@ def draw(depths: list[dict[str, Any]], alphas: list[dict[str, Any]], path: Path)
     right.legend(fontsize=8)
     for axes in (left, right):
         axes.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)
+    save(figure, path)

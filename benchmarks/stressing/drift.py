@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.rotations import NORM_TOLERANCE, rotation_matrix
 
+from benchmarks._pictures import pyplot, save
+
 Floats = NDArray[Any]
 
 EXACT = 1e-17
@@ -214,11 +216,7 @@ def measure(count: int) -> list[dict[str, Any]]:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, panels = plt.subplots(2, 3, figsize=(14, 8), layout="constrained", sharex=True)
     titles = {
         "angle": "angle to the exact rotation (rad)",
@@ -249,4 +247,4 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     for axes in panels[1]:
         axes.set_xlabel("poses composed")
     figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    figure.savefig(path, dpi=110)
+    save(figure, path)

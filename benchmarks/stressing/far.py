@@ -20,6 +20,8 @@ from splatbus_wire.intrinsics import Pinhole
 from splatbus_wire.poses import Pose, as_array, camera_centre, view_matrix, world_matrix
 from splatbus_wire.relative import object_to_camera, relative_view, two_floats
 
+from benchmarks._pictures import pyplot, save
+
 WIDTH, HEIGHT = 1920, 1080
 FOCAL = HEIGHT / (2.0 * math.tan(math.radians(30.0)))
 NEAR, FAR = 0.01, 100.0
@@ -201,7 +203,7 @@ def relative_at_its_worst(
 
 
 def measure(distances: list[float], count: int) -> list[dict[str, Any]]:
-    """A row for each way and distance: worst and median pixel error, worst error of the centre."""
+    """A row for each way and distance: worst error in pixels and of the centre."""
     rows = []
     for distance in distances:
         found = situations(distance, count)
@@ -218,7 +220,6 @@ def measure(distances: list[float], count: int) -> list[dict[str, Any]]:
                     "way": name,
                     "distance": distance,
                     "worst_px": float(errors.max()),
-                    "median_px": float(np.median(errors)),
                     "worst_centre": max(centres),
                 }
             )
@@ -226,11 +227,7 @@ def measure(distances: list[float], count: int) -> list[dict[str, Any]]:
 
 
 def draw(rows: list[dict[str, Any]], path: Path) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
+    plt = pyplot()
     figure, panels = plt.subplots(1, 2, figsize=(12, 5), layout="constrained")
     for axes, member, label in (
         (panels[0], "worst_px", "worst error of a point 1–10 units ahead (pixels, 1920×1080)"),
@@ -256,4 +253,4 @@ def draw(rows: list[dict[str, Any]], path: Path) -> None:
     panels[0].text(1, 0.6, "half a pixel", fontsize=8, color="grey")
     panels[0].set_ylim(1e-5, 1e5)
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    figure.savefig(path, dpi=110)
+    save(figure, path)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.package.building import build, copy, digest, tracked
+from tests.package.building import ROOT, build, copy, digest, tracked
 
 MEBIBYTE = 1 << 20
 PACKAGES = {
@@ -104,6 +104,13 @@ def test_both_are_small(built: tuple[Path, Path]) -> None:
     wheel, sdist = built
     assert wheel.stat().st_size < 2 * MEBIBYTE
     assert sdist.stat().st_size < 8 * MEBIBYTE
+
+
+def test_pictures_are_small(files: list[str]) -> None:
+    pictures = (".png", ".jpg", ".webp", ".svg")
+    sizes = {name: (ROOT / name).stat().st_size for name in files if name.endswith(pictures)}
+    assert {name: size for name, size in sizes.items() if size > 150_000} == {}
+    assert 0 < sum(sizes.values()) <= 3_000_000
 
 
 def test_the_sdist_builds_the_same_bytes_elsewhere_and_later(

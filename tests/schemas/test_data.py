@@ -15,7 +15,6 @@ DATA_FILES = [
     ("messages", ("messages.json",)),
     ("metamodel", ("metamodel.json",)),
     *(("requirements", (version, "requirements.json")) for version in VERSIONS),
-    *(("requirements", (version, "released.json")) for version in VERSIONS),
 ]
 
 

@@ -29,8 +29,8 @@ THREADED = Placement(RING, Pose((0.02, -1.0, 0.0), (0.275, 0.0, -0.175, 0.945)),
 """A ring about the tree, which goes through its branches."""
 NEAREST, FARTHEST = 1.5, 8.0
 """Of the false colours, scene units: to the hedge, since the sky is far behind all else."""
-QUALITY = 90
-"""Of pictures that look like photographs; as PNG they would be eight times as large."""
+QUALITY = 75
+"""Of JPEG: with more of it the largest would be larger than a picture here may be."""
 PLOTTED_SECONDS = 31.0
 """What plots show, and a little more: the window's own beginning is outside."""
 
@@ -51,7 +51,7 @@ def of_the_garden(where: Settings, folder: Path) -> None:
         staged.window.choices.mode, staged.window.choices.is_fitting = "depth", False
         staged.window.choices.depths = NEAREST, FARTHEST
         staged.rests()
-        save(staged, folder / "window-depth.png")
+        save(staged, folder / "window-depth.jpg")
     with opened(where, SIZE, shows_panels=False) as staged:
         staged.rests()
         staged.window.choices.moved_to(Eye(look_at(FROM, TO), math.dist(FROM, TO)))
@@ -85,7 +85,7 @@ def of_the_spheres(where: Settings, folder: Path) -> None:
         chosen = next(each for each in packets if b'"get_scene"' in each.payload)
         staged.window.look.own["packet"] = chosen
         staged.turns(2)
-        save(staged, folder / "window-packets.png")
+        save(staged, folder / "window-packets.jpg")
     with opened(where, SIZE, mode="normals", shows_panels=False) as staged:
         staged.rests()
         save(staged, folder / "window-normals.png")

@@ -59,7 +59,7 @@ class StoredMutants:
         """Write it, so that an interruption leaves the former or this."""
         found = list(self.judged.values())
         members = {
-            "format": "2",
+            "format": "3",
             "summary": sentences(found),
             "seed": self.seed,
             "commit": self.commit,
@@ -104,7 +104,7 @@ def machine(arguments: argparse.Namespace, out: Console) -> int:
 def judge_again(former: StoredMutants, count: int, out: Console) -> int:
     """Whether what was killed most quickly is killed; 1 if not. What is gone is counted."""
     killed = [it for it in former.judged.values() if it.fate is MutantFate.KILLED]
-    killed = sorted(killed, key=lambda it: it.seconds.get("harness", 0.0))[:count]
+    killed = sorted(killed, key=lambda it: it.seconds)[:count]
     drawn = modules.named(it.name for it in killed)
     alone = {it.name: {it.name: it} for it in killed}
     found = list(run([partial(judge, it, None, alone[it.change.name]) for it in drawn], out))

@@ -3,7 +3,7 @@
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
@@ -96,7 +96,8 @@ class Judged:
     """What was found."""
     test: str = ""
     """The first that failed."""
-    seconds: Mapping[str, float] = field(default_factory=dict)
+    seconds: float = 0.0
+    """Of the harness."""
 
     @property
     def function(self) -> str:
@@ -104,14 +105,16 @@ class Judged:
         return self.name.rsplit(":", 2)[0]
 
     def as_json(self) -> dict[str, Any]:
-        """For the stored result."""
-        return asdict(self)
+        """For the stored result: of what died, only what helps to kill others, or it again."""
+        told = ("line", "before", "after", "by") if self.fate is MutantFate.KILLED else ()
+        return {name: it for name, it in asdict(self).items() if it and name not in told}
 
     @classmethod
     def from_json(cls, members: dict[str, Any]) -> "Judged":
         """The reverse."""
+        untold = {"line": 0, "before": "", "after": ""}
         fate, tested = MutantFate(members["fate"]), ByTests(members["tested"])
-        return cls(**{**members, "fate": fate, "tested": tested})
+        return cls(**{**untold, **members, "fate": fate, "tested": tested})
 
 
 class HarnessVerdict(NamedTuple):
@@ -135,14 +138,10 @@ def judge(
     alike = [other for other in former.values() if it.name.startswith(f"{other.function}:")]
     began = time.monotonic()
     opinion = by_harness(drawn, watched, alike)
-    judged_at = time.monotonic()
+    seconds = round(time.monotonic() - began, 1)
     tested, first = ByTests.UNKNOWN, ""
     if watched is not None:
         tested, first = by_tests(it, watched[TESTS], [other.test for other in alike])
-    seconds = {
-        "harness": round(judged_at - began, 1),
-        "tests": round(time.monotonic() - judged_at, 1),
-    }
     return Judged(
         *(it.name, it.line, it.before, it.after, opinion.fate, tested),
         *(opinion.phase, opinion.check, opinion.by, first, seconds),
