@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 
 from splatbus_conformance.images.memory.device import why_no_device
 from splatbus_conformance.trials import memory_pace
-from splatbus_conformance.trials.returning import absence
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import os_evidence, probe_advice
 from splatbus_conformance.trials.testee.adapter import Greeting
@@ -100,9 +99,19 @@ class ClientFacts:
         """Note how long an answer took."""
         self.slowest_answer = max(self.slowest_answer, seconds)
 
-    def was_away(self, seconds: float) -> None:
-        """Note how long it stayed away."""
-        self.away_seconds = max(self.away_seconds, seconds)
+    def was_away(self, peer: Peer, back: Connection, born: float) -> None:
+        """Note how long it stayed away that could have come back.
+
+        Args:
+            peer: that it came back to.
+            back: its new connection.
+            born: when its process was started, by the monotonic clock; 0 if that is not known.
+        """
+        former = [c for c in peer.connections if c.channel == back.channel and c is not back]
+        left = max((c.gone_since for c in former if c.gone_since is not None), default=None)
+        if left is not None and left >= born:
+            away = back.opened - max(left, peer.listens_since[back.channel])
+            self.away_seconds = max(self.away_seconds, away)
 
     def speaks_1_1(self, channel: Channel) -> bool:
         """It said `hello` on this channel."""
@@ -269,7 +278,7 @@ def _meet(peer: Peer, role: ScriptedServer, testee: Testee, patience: float) -> 
     facts.connects |= back()
     for connection in peer.connections:
         if connection not in met:
-            facts.was_away(absence(peer, connection, testee.started))
+            facts.was_away(peer, connection, testee.started)
     ended = testee.ended()
     facts.leaves = ended is not None and not ended.crashed
 
