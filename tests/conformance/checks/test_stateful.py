@@ -38,7 +38,6 @@ class Vault:
     """A part whose testee breaks once it was opened, emptied, closed and opened again."""
 
     breaks = JUDGED
-    opened_before = False
 
     def __init__(self) -> None:
         self.open, self.history = False, ""
