@@ -105,6 +105,10 @@ class ServerFacts:
         """What it granted on a channel to a client that offered everything."""
         return texts(within(self.welcome[channel], "capabilities"))
 
+    def grants(self, capability: str) -> bool:
+        """Whether it granted this on either channel."""
+        return any(capability in self.capabilities(channel) for channel in CHANNELS)
+
     def objects(self) -> list[str]:
         """The ids of the objects that `scene` lists; `default` where it tells nothing."""
         listed = within(self.scene, "objects")
@@ -151,8 +155,7 @@ class ServerFacts:
         if kind == "device":
             return why_no_device(self.device, self.device_unseen)
         if kind == "capability":
-            granted = *self.capabilities("ipc"), *self.capabilities("msg")
-            known, why = of in granted, f"does not grant the capability {of}"
+            known, why = self.grants(of), f"does not grant the capability {of}"
         elif kind == "opens":
             known, why = self.opens, "announces no memory that can be opened here"
         elif kind == "frames":
