@@ -144,7 +144,7 @@ def plan() -> Iterator[Task]:
 
 def made_of(program: Program) -> str:
     """Its sources, those of programs that it borrows from, and the stand-in if it asks for that."""
-    borrows = re.findall(r"\.\./(\w+)", program.launch)
+    borrows = re.findall(r"\.\./(\w+)", " ".join((program.launch, *program.build)))
     folders = (program.folder, *(program.folder.with_name(each) for each in borrows))
     paths = [str(each.relative_to(ROOT)) for each in folders]
     return digest(*paths, *(STAND_IN if ASKS_FOR_IT in program.options else ()))

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from splatbus_conformance.selftest.command import every_trial
+from splatbus_conformance.selftest.command import every_specimen
 from splatbus_conformance.selftest.registry import groups
 
 from tests.durations import HARNESS, ROOT, Durations
@@ -28,7 +28,7 @@ def main() -> int:
     """The exit status of the selftest."""
     durations = Durations("specimens", HARNESS)
     together = group_of()
-    names = [name for name, _ in every_trial("brief") if name not in together]
+    names = [name for name, _ in every_specimen("brief") if name not in together]
     if unknown := durations.unknown(names):
         print(f"{len(unknown)} specimens come first, for nobody has measured them", flush=True)
     progress = Progress("zoo", durations.expected(names))

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from splatbus_conformance import oracle
 from splatbus_conformance.oracle.rounding import SINGLE, to_double, ulp
-from splatbus_server.publish import Publisher, source
+from splatbus_server.publish import Publisher
+from splatbus_server.source import source
 from splatbus_wire.depth import planar_depth
 
 from benchmarks.accuracy import search

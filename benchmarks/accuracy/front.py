@@ -28,9 +28,3 @@ def beats(a: Point, b: Point) -> bool:
 def front(points: Sequence[Point]) -> list[int]:
     """The indices of the points that no other beats."""
     return [i for i, b in enumerate(points) if not any(beats(a, b) for a in points)]
-
-
-def cheapest_within(points: Sequence[Point], budget: float) -> list[int]:
-    """The points that keep the budget, and that no other that keeps it is clearly faster than."""
-    kept = [i for i, point in enumerate(points) if point.error <= budget]
-    return [i for i in kept if not any(points[j].high < points[i].low for j in kept)]

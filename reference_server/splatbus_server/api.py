@@ -30,11 +30,11 @@ from splatbus_server.exchange import Exchange
 from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.logs import log
 from splatbus_server.memory import FrameMemory, LostMemoryError, Memory
-from splatbus_server.publish import DepthKind
 from splatbus_server.service import Service
 from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
 from splatbus_server.settings import listen, settings
 from splatbus_server.shared_memory import sweep_stale
+from splatbus_server.source import DepthKind
 from splatbus_server.statistics import Statistics
 from splatbus_server.telemetry import Given, Readings
 from splatbus_server.view import Intrinsics, View, field_of_view

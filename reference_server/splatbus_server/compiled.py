@@ -23,7 +23,7 @@ from numba import carray, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from splatbus_server.publish import COVERED_ALPHA, LARGEST, DepthKind, Source
+from splatbus_server.source import COVERED_ALPHA, LARGEST, DepthKind, Source
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -14,8 +14,9 @@ from splatbus_wire.init_packet import VERSION, HostMemory, InitPacket, host_ring
 from splatbus_wire.semantics import Semantics
 
 from splatbus_server import shared_memory
-from splatbus_server.publish import Publisher, source
+from splatbus_server.publish import Publisher
 from splatbus_server.ring import Ring
+from splatbus_server.source import source
 
 Pixels = NDArray[np.float32]
 Writer = Callable[[int, Set[str]], None]
@@ -123,7 +124,7 @@ class Memory:
         return Memory(width, height, self._readers, self._semantics, self.generation + 1)
 
     def writer(self, color: Any, depth: Any, alpha: Any, depth_kind: Any, stream: Any) -> Writer:
-        """What converts an image into a slot; errors as `publish.source` says."""
+        """What converts an image into a slot; errors as `source` says."""
         if stream is not None:
             raise ValueError("memory of the host is written by the processor: it takes no stream")
         premultiplied = self._semantics.alpha == "premultiplied"

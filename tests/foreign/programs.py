@@ -158,7 +158,8 @@ def _built(program: Program, places: dict[str, str]) -> Path:
             places = {**places, "cudart": str(library_folder())}
         except NotAvailable as error:
             raise Lacking(str(error)) from None
-    sources = sorted(path for path in program.folder.rglob("*") if path.is_file())
+    named = (program.folder / word for word in program.build)  # also what is borrowed
+    sources = sorted(path for path in {*program.folder.rglob("*"), *named} if path.is_file())
     digest = hashlib.blake2b(repr(program.build).encode(), digest_size=8)
     for path in sources:
         digest.update(path.name.encode() + path.read_bytes())

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from splatbus_server.publish import Publisher, source
+from splatbus_server.publish import Publisher
+from splatbus_server.source import source
 from splatbus_wire.semantics import Semantics
 
 from tests.gpu import require_gpu

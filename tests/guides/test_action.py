@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import pytest
-import splatbus_conformance.cli.main
+import splatbus_conformance.cli.parsing
 import yaml
 
 from tests.guides.desk import CLIENT, GUIDES
@@ -200,7 +200,7 @@ def test_the_workflow_gives_only_inputs_that_there_are() -> None:
     assert set(call["with"]) <= set(ACTION["inputs"])
     for profile in ("quick", "full"):
         options = EXPRESSION.sub(profile, call["with"]["options"]).split()
-        assert splatbus_conformance.cli.main.parser().parse_args(["client", "--wait", *options])
+        assert splatbus_conformance.cli.parsing.parser().parse_args(["client", "--wait", *options])
 
 
 def test_the_part_that_the_page_shows_is_good() -> None:
@@ -208,11 +208,11 @@ def test_the_part_that_the_page_shows_is_good() -> None:
     (call,) = yaml.safe_load(shown)
     assert set(call["with"]) <= set(ACTION["inputs"])
     options = call["with"]["options"].split()
-    assert splatbus_conformance.cli.main.parser().parse_args(["client", "--wait", *options])
+    assert splatbus_conformance.cli.parsing.parser().parse_args(["client", "--wait", *options])
 
 
 def test_the_job_for_gitlab_has_options_that_there_are() -> None:
     script = GITLAB["splatbus"]["script"][-1]
     _, *words = shlex.split(script)
-    arguments = splatbus_conformance.cli.main.parser().parse_args(words)
+    arguments = splatbus_conformance.cli.parsing.parser().parse_args(words)
     assert arguments.junit == GITLAB["splatbus"]["artifacts"]["reports"]["junit"]

@@ -26,7 +26,7 @@ import splatbus_splats.cli
 import splatbus_viewer.cli
 from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import plan_of, wishes_of
-from splatbus_conformance.cli.main import parser
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.plan import Side
 from splatbus_conformance.selftest.options import declare
 

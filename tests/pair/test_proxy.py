@@ -12,7 +12,9 @@ from pathlib import Path
 
 import pytest
 from splatbus_client import Pose
-from splatbus_conformance.cli import main
+from splatbus_conformance.cli.commands import proxy
+from splatbus_conformance.cli.main import main
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.plan import Usage
 from splatbus_conformance.reports.console import console
@@ -29,8 +31,8 @@ Ports = tuple[int, int]
 def proxied(listen: Ports, to: Ports, file: Path, seconds: float, *more: str) -> int:
     ends = [f"127.0.0.1:{ipc},{msg}" for ipc, msg in (listen, to)]
     line = ["--plain", "proxy", "--listen", ends[0], "--to", ends[1], "--record", str(file)]
-    arguments = main.parser().parse_args([*line, "--seconds", str(seconds), *more])
-    return int(arguments.run(arguments, console(True)))
+    arguments = parser().parse_args([*line, "--seconds", str(seconds), *more])
+    return proxy(arguments, console(True))
 
 
 def connected(port: int) -> socket.socket:
@@ -46,7 +48,7 @@ def connected(port: int) -> socket.socket:
 def audited(file: Path, status: int) -> Path:
     """The report of an audit of a recording."""
     report = file.with_suffix(".audited.json")
-    assert main.main(["--plain", "audit", str(file), "--json", str(report)]) == status
+    assert main(["--plain", "audit", str(file), "--json", str(report)]) == status
     return report
 
 

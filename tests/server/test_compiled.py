@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from splatbus_server import publish
-from splatbus_server.publish import LARGEST, WORTH_COMPILING, Publisher, source
+from splatbus_server.publish import WORTH_COMPILING, Publisher
+from splatbus_server.source import LARGEST, source
 
 pytest.importorskip("numba", reason="Numba, the extra `fast`, is not installed")
 

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from splatbus_server.exchange import BOTH
 from splatbus_server.memory import Memory
-from splatbus_server.publish import WORTH_COMPILING, Publisher, source
+from splatbus_server.publish import WORTH_COMPILING, Publisher
+from splatbus_server.source import source
 from splatbus_wire.semantics import Semantics
 
 SHAPE = (3, 2)

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 from splatbus_conformance.images import pinhole
-from splatbus_server.publish import Publisher, source
+from splatbus_server.publish import Publisher
+from splatbus_server.source import source
 from splatbus_viewer import display
 from splatbus_wire.compositing import over_premultiplied, over_straight
 from splatbus_wire.conventions import ENGINES

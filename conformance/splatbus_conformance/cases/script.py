@@ -27,7 +27,7 @@ class Case(NamedTuple):
     """What was drawn; of a case that was not, its place in the list."""
 
 
-Cases = tuple[tuple[Case, ...], ...]
+Rows = tuple[tuple[Case, ...], ...]
 """For each time that a check went through cases: those to deliver, in order."""
 
 
@@ -41,7 +41,7 @@ class Script:
     """The check that delivers the cases."""
     by_rule: bool
     """A passive rule finds the breach in what crossed the wire, not the check itself."""
-    cases: Cases
+    cases: Rows
     profile: str = "quick"
     viewport: tuple[int, int] = (64, 48)
     seed: int = 0
@@ -156,12 +156,12 @@ def _from_json(value: Any) -> Any:
     return {name: _from_json(each) for name, each in content}
 
 
-def flat(cases: Cases) -> list[tuple[int, Case]]:
+def flat(cases: Rows) -> list[tuple[int, Case]]:
     """Every case, with which going-through it belongs to."""
     return [(row, case) for row, found in enumerate(cases) for case in found]
 
 
-def rows(pairs: Iterable[tuple[int, Case]], count: int) -> Cases:
+def rows(pairs: Iterable[tuple[int, Case]], count: int) -> Rows:
     """The reverse of `flat`, for so many rows."""
     return tuple(tuple(_of(pairs, row)) for row in range(count))
 

@@ -68,12 +68,7 @@ class Check:
     """What of the requirement can be seen from outside."""
     places: Mapping[Channel | None, Needs]
     """What the testee must have shown of itself, on each channel that the check is tried on, or
-    at all: `hello:ipc`, `hello:msg`, `msg`, `ipc`, `asks`, `poses`, `says:TYPE` of a message,
-    `opens`, `returns:ipc`, `returns:msg`, or a capability; or a command of the adapter beside it,
-    `adapter:pixels`, and its engine, `axes:unity`; or `device`, that there is a GPU or the stand-in
-    CUDA runtime to show it memory of; or `stand-in`, that its calls are seen there. Of a server:
-    `opens`, `frames`, `cuda`, `pixels`, that its images can be read here, and `scene`, that they
-    are of the scene of `conformance/SCENE.md`."""
+    at all: as `ClientFacts.lacks` and `ServerFacts.lacks` know it."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import files_of, parse_ports, plan_of, wishes_of
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.cli.replay import replay_script
 from splatbus_conformance.cli.requirements import PEERS, print_explanation, print_list
 from splatbus_conformance.data import read_text
@@ -43,8 +44,6 @@ def _live(side: Side, arguments: argparse.Namespace, out: Console) -> int:
 
 def replay(arguments: argparse.Namespace, out: Console) -> int:
     """Show a failure again, or play one side of a recording again."""
-    from splatbus_conformance.cli.main import parser
-
     if Path(arguments.file).suffix == ".jsonl":
         from splatbus_conformance.cli.play import play_recording, side_of
 
@@ -62,8 +61,6 @@ def replay(arguments: argparse.Namespace, out: Console) -> int:
 
 def demo(arguments: argparse.Namespace, out: Console) -> int:
     """Judge the reference client."""
-    from splatbus_conformance.cli.main import parser
-
     files = files_of(arguments)
     command = f'"{sys.executable}" -m splatbus_viewer view'
     out.print(
@@ -135,3 +132,9 @@ def explain(arguments: argparse.Namespace, out: Console) -> int:
     """Explain requirements."""
     found = [print_explanation(out, name) for name in arguments.ids]
     return EXIT_CONFORMING if all(found) else EXIT_USAGE
+
+
+COMMANDS = {
+    it.__name__.rstrip("_"): it
+    for it in (client, server, replay, audit, proxy, report, demo, list_, explain)
+}

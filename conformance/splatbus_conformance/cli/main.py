@@ -1,229 +1,15 @@
 """The command `splatbus-conformance`."""
 
-import argparse
-import math
 import os
 import signal
 import sys
-import textwrap
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NoReturn
+from collections.abc import Iterable, Sequence
 
-from splatbus_schemas.version import ShowVersion
-from splatbus_schemas.visible import visible
-
-from splatbus_conformance.cli import commands
-from splatbus_conformance.cli.examples import EXAMPLES
-from splatbus_conformance.cli.options import (
-    a_command,
-    format_options,
-    live_options,
-    recording_options,
-)
+from splatbus_conformance.cli.commands import COMMANDS
+from splatbus_conformance.cli.parsing import Declare, parser
 from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.reports.console import complain, complain_of_fault, console
-from splatbus_conformance.run.options import DEPLOYED_PORTS, USUAL_SIZE
-from splatbus_conformance.selection import did_you_mean
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, EXIT_USAGE
-
-HELP_WIDTH = 79
-Declare = Callable[["argparse._SubParsersAction[Any]"], None]
-"""Adds a command to the others."""
-
-
-class Parser(argparse.ArgumentParser):
-    """One that suggests what is near to a word that it does not know, and repeats none as it is."""
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong with the arguments, and end."""
-        super().error(visible(message))
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        try:
-            super()._check_value(action, value)
-        except argparse.ArgumentError as error:
-            choices = {str(it): it for it in action.choices or ()}
-            hint = did_you_mean(str(value).lower(), choices).strip()
-            raise argparse.ArgumentError(action, f"{error.message} {hint}".strip()) from None
-
-
-def parser(further: Iterable[Declare] = ()) -> argparse.ArgumentParser:
-    """The command line, with further commands that these declare."""
-    top = Parser(
-        prog="splatbus-conformance",
-        **_prose(
-            "",
-            "Judge a SplatBus client or server: which requirements it meets, which it breaks, and "
-            "the bytes that show it.",
-        ),
-    )
-    top.add_argument("--version", action=ShowVersion)
-    top.add_argument("--plain", action="store_true", help="no colour, no moving lines")
-    commands_ = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    client = commands_.add_parser(
-        "client",
-        help="judge a client",
-        **_prose(
-            "client",
-            "Judge a client. The harness plays the server, on two ports that it passes in "
-            "SPLATBUS_HOST, SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT to what it launches.",
-        ),
-    )
-    how = client.add_mutually_exclusive_group(required=True)
-    how.add_argument(
-        "--launch", metavar="CMD", type=a_command, help="start this command, and judge it"
-    )
-    how.add_argument(
-        "--adapter",
-        metavar="CMD",
-        type=a_command,
-        help="start this adapter, and judge the client beside it (conformance/ADAPTER.md)",
-    )
-    how.add_argument("--wait", action="store_true", help="wait for a client that you start")
-    client.add_argument(
-        "--viewport",
-        metavar="WxH",
-        default="{}x{}".format(*USUAL_SIZE),
-        help="image size to announce (%(default)s); some clients insist on their own",
-    )
-    live_options(
-        client,
-        ports="ports to listen on (free ones, 6001,6000 with --wait)",
-        host="address to listen on",
-    )
-    client.set_defaults(run=commands.client)
-
-    server = commands_.add_parser(
-        "server",
-        help="judge a server",
-        **_prose(
-            "server",
-            "Judge a server. The harness plays its clients. A server that it launches has to "
-            "listen on the ports that it finds in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT. If it "
-            "requires a token, the harness takes that from SPLATBUS_TOKEN.",
-        ),
-    )
-    how = server.add_mutually_exclusive_group(required=True)
-    how.add_argument(
-        "--launch", metavar="CMD", type=a_command, help="start this command, and judge it"
-    )
-    how.add_argument("--connect", action="store_true", help="judge a server that runs already")
-    live_options(
-        server,
-        ports="ports of the server (free ones with --launch, 6001,6000 with --connect)",
-        host="address of the server",
-    )
-    server.set_defaults(run=commands.server)
-
-    replay = commands_.add_parser(
-        "replay",
-        help="show a failure again",
-        usage="%(prog)s FILE (--launch CMD | --adapter CMD | --wait | --connect) …\n"
-        "       %(prog)s SESSION.jsonl (client | server) (--launch CMD | …) …",
-        **_prose(
-            "replay",
-            "Deliver the script that a run wrote of a failure, and say whether the testee "
-            "fails again. What follows FILE are options of `client`, or of `server`. Of a "
-            "recording, one side is played again to the other, which is judged: say which that is.",
-        ),
-    )
-    replay.add_argument("file", metavar="FILE")
-    replay.add_argument("how", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
-    replay.set_defaults(run=commands.replay)
-
-    audit = commands_.add_parser(
-        "audit",
-        help="judge a recorded or captured session",
-        **_prose(
-            "audit",
-            "Judge sessions by what both sides sent: recordings (conformance/RECORDING.md), and "
-            "captures of tcpdump or Wireshark (pcap, pcapng).",
-        ),
-    )
-    audit.add_argument("files", nargs="+", metavar="FILE")
-    audit.add_argument(
-        "--ports",
-        metavar="IPC,MSG",
-        help="ports of the server in a capture ({},{})".format(*DEPLOYED_PORTS),
-    )
-    recording_options(audit)
-    audit.set_defaults(run=commands.audit)
-
-    proxy = commands_.add_parser(
-        "proxy",
-        help="record and judge a live session of a client and a server",
-        **_prose(
-            "proxy",
-            "Stand between a real client and a real server: pass on what they say, show it as it "
-            "goes, write it down, and judge both at the end. Start the server, start this, and "
-            "have the client connect to the ports of --listen. Handles of memory pass through, so "
-            "images go their usual way. To listen to other machines, it wants the server's token "
-            "in SPLATBUS_TOKEN, and asks for it.",
-        ),
-    )
-    proxy.add_argument(
-        "--listen",
-        metavar="HOST:IPC,MSG",
-        default="127.0.0.1:7001,7000",
-        help="where the client connects to (%(default)s)",
-    )
-    proxy.add_argument(
-        "--to",
-        metavar="HOST:IPC,MSG",
-        default="127.0.0.1:6001,6000",
-        help="where the server listens (%(default)s)",
-    )
-    proxy.add_argument(
-        "--record",
-        metavar="FILE",
-        default="splatbus-session.jsonl",
-        help="what passes, for `audit` (%(default)s)",
-    )
-    proxy.add_argument(
-        "--seconds", type=float, metavar="S", default=math.inf, help="end by itself after so long"
-    )
-    recording_options(proxy)
-    proxy.set_defaults(run=commands.proxy)
-
-    report = commands_.add_parser(
-        "report",
-        help="make a page, JUnit XML and so on of a stored JSON report",
-        **_prose(
-            "report",
-            "Make reports of what an earlier run wrote with --json. It is measured by the schema "
-            "of such reports first.",
-        ),
-    )
-    what = report.add_mutually_exclusive_group(required=True)
-    what.add_argument("file", metavar="FILE", nargs="?", help="what --json wrote")
-    what.add_argument("--schema", action="store_true", help="print the schema of such a file")
-    format_options(report, "junit", "html", "markdown", "badge")
-    report.set_defaults(run=commands.report)
-
-    demo = commands_.add_parser("demo", help="judge the reference client")
-    format_options(demo)
-    demo.set_defaults(run=commands.demo)
-
-    list_ = commands_.add_parser("list", help="every requirement, and how it is checked")
-    list_.add_argument("--peer", choices=("client", "server"), help="only those that bind this one")
-    list_.set_defaults(run=commands.list_)
-
-    explain = commands_.add_parser("explain", help="one requirement: sentence, reason, check")
-    explain.add_argument("ids", nargs="+", metavar="ID")
-    explain.set_defaults(run=commands.explain)
-
-    for declare in further:
-        declare(commands_)
-    return top
-
-
-def _prose(command: str, description: str) -> dict[str, Any]:
-    return {
-        "description": textwrap.fill(description, HELP_WIDTH),
-        "epilog": EXAMPLES[command],
-        "formatter_class": argparse.RawDescriptionHelpFormatter,
-    }
 
 
 def main(argv: Sequence[str] | None = None, further: Iterable[Declare] = ()) -> int:
@@ -235,7 +21,8 @@ def main(argv: Sequence[str] | None = None, further: Iterable[Declare] = ()) -> 
             signal.signal(getattr(signal, ending), signal.default_int_handler)
     out = console(arguments.plain)
     try:
-        return int(arguments.run(arguments, out))
+        run = COMMANDS.get(arguments.command) or arguments.run
+        return int(run(arguments, out))
     except Usage as error:
         out.print(f"splatbus-conformance: {error}")
         return EXIT_USAGE

@@ -36,11 +36,6 @@ class Histogram:
     """By bin: n has what lies from 10^(n/20) to below 10^((n+1)/20) seconds."""
     slowest: float = 0.0
 
-    @classmethod
-    def from_counts(cls, counts: Mapping[str, int], slowest: float) -> "Histogram":
-        """What has crossed to another process as JSON, whose names are strings."""
-        return cls({int(number): count for number, count in counts.items()}, slowest)
-
     def take(self, seconds: float) -> None:
         """Count one more."""
         number = math.floor(BINS_A_DECADE * math.log10(max(seconds, LEAST_SECONDS)))

@@ -25,29 +25,29 @@ CORES = os.cpu_count() or 1
 WHOLE, SELECTED, MORE = 7 * CORES, 4 * CORES, 8 * CORES
 """At a time: runs of all checks; beside them runs of one or two, which are over sooner; and of
 these so many more while the machine has time."""
-Trial = Callable[[], SpecimenResult]
+Judging = Callable[[], SpecimenResult]
 
 
 def selftest(arguments: argparse.Namespace, out: Console) -> int:
     """Judge the reference pair, the variations and the mutants; 1 unless all is as it must be."""
     wanted = [name for name in arguments.only.split(",") if name]
-    trials_ = dict(every_trial(arguments.profile))
-    if unknown := [name for name in wanted if name not in trials_]:
-        hint = did_you_mean(unknown[0], {name: name for name in trials_})
+    specimens = dict(every_specimen(arguments.profile))
+    if unknown := [name for name in wanted if name not in specimens]:
+        hint = did_you_mean(unknown[0], {name: name for name in specimens})
         out.print(
             f"splatbus-conformance: --only {','.join(unknown)}: there is no such specimen; {hint}"
-            f"conformance/KILL_MATRIX.md names all {len(trials_)}",
+            f"conformance/KILL_MATRIX.md names all {len(specimens)}",
             markup=False,
         )
         return EXIT_USAGE
     harnesses.PRELOADED.append("splatbus_conformance.selftest.preload")
     in_a_group = {name for group in groups() for name in group.members}
-    usual = [name for name in trials_ if name not in in_a_group]
-    rows = {row.name: row for row in run({name: trials_[name] for name in wanted or usual}, out)}
+    usual = [name for name in specimens if name not in in_a_group]
+    rows = {row.name: row for row in run({name: specimens[name] for name in wanted or usual}, out)}
     for group in groups():
         if row := rows.pop(group.name, None):
-            rows |= {row.name: row for row in members(group, row, trials_, out)}
-    in_order = [rows[name] for name in trials_ if name in rows]
+            rows |= {row.name: row for row in members(group, row, specimens, out)}
+    in_order = [rows[name] for name in specimens if name in rows]
     if arguments.json:
         kill_matrix.save(in_order, Path(arguments.json))
     for row in in_order:
@@ -62,7 +62,7 @@ def selftest(arguments: argparse.Namespace, out: Console) -> int:
     return EXIT_CONFORMING if good else EXIT_NOT_CONFORMING
 
 
-def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
+def every_specimen(profile: str) -> Iterator[tuple[str, Judging]]:
     """The name of each specimen, and how to judge it: variations by this profile."""
     for name in REFERENCE:
         yield name, lambda it=name: judge.judge_reference(it)  # type: ignore[misc]
@@ -72,7 +72,7 @@ def every_trial(profile: str) -> Iterator[tuple[str, Trial]]:
         yield mutant.name, lambda it=mutant: judge.judge_mutant(it)  # type: ignore[misc]
 
 
-def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
+def run(chosen: dict[str, Judging], out: Console) -> Iterator[SpecimenResult]:
     """Judge specimens, some at a time, and say what became of each.
 
     The long ones come first, and before them those that nobody has measured.
@@ -102,7 +102,7 @@ def run(chosen: dict[str, Trial], out: Console) -> Iterator[SpecimenResult]:
 
 
 def members(
-    group: Variation, row: SpecimenResult, trials_: dict[str, Trial], out: Console
+    group: Variation, row: SpecimenResult, specimens: dict[str, Judging], out: Console
 ) -> Iterator[SpecimenResult]:
     """What became of those whose liberties were taken at once: what became of all, or if that was
     not as it must be, of each by itself, which names the culprit; where none is, all are together.
@@ -114,7 +114,7 @@ def members(
             yield replace(row, name=it.name, does=it.does, cells=own)
         return
     out.print(f"{group.name}: {row.fate}; each of its liberties by itself", markup=False)
-    alone = list(run({name: trials_[name] for name in group.members}, out))
+    alone = list(run({name: specimens[name] for name in group.members}, out))
     yield from alone
     if all(it.fate in GOOD for it in alone):
         yield row

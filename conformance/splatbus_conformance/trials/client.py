@@ -1,35 +1,18 @@
 """A trial of a client, from its connecting to judgement: the harness plays the server."""
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
-from splatbus_schemas.requirements import Requirement
-
-from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
-from splatbus_conformance.plan import Side
-from splatbus_conformance.trials import memory_pace
-from splatbus_conformance.trials.returning import (
-    absence,
-    past_probes,
-    return_seconds,
-    tries_to_go_on,
-)
-from splatbus_conformance.trials.scripted_server import ScriptedServer
+from splatbus_conformance.trials.returning import ReturningTrial
 from splatbus_conformance.trials.testee.adapter import (
     Adapted,
     AdapterBroken,
     ClientCrashed,
     Greeting,
 )
-from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS, ClientFacts
+from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS
 from splatbus_conformance.trials.testee.probe_advice import does_not_come
-from splatbus_conformance.trials.trial import (
-    EFFECT_SECONDS,
-    REACTION_SECONDS,
-    LostSign,
-    Stand,
-    Trial,
-)
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, LostSign
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import WORDS, Channel
@@ -41,25 +24,10 @@ STARTING_SECONDS, STARTS_SOONER = 0.5, 2.0
 """What it takes to end a testee beside its start; and how much longer it has to stay away."""
 ABOUT_READING = ("FRM", "JSN", "INI", "MEM", "REQ")
 """Clauses whose checks have many cases, and look at nothing that a testee keeps between them."""
-MISSED_SECONDS = 3.0
-"""After which it is said that a testee is waited for."""
 
 
-class ClientTrial(Trial):
+class ClientTrial(ReturningTrial):
     """What a check of a client has in hand: the role that the harness plays as well."""
-
-    side: ClassVar[Side] = "client"
-
-    def __init__(
-        self, requirement: Requirement, stand: Stand, role: ScriptedServer, facts: ClientFacts
-    ) -> None:
-        super().__init__(requirement, stand)
-        self._calls_before = len(self.stand_in.calls()) if self.stand_in else 0
-        self.role = role
-        self.facts = facts
-        self._used: set[Connection] = set()
-        self.peer.on_open = role.on_open
-        self.peer.on_packet = role.on_packet
 
     def affords(self) -> bool:
         """In the quick profile not, once the testee needs many connections.
@@ -83,7 +51,7 @@ class ClientTrial(Trial):
         that does not help. One that was seen to come back, and does not, has lost a vital sign.
         Skips the check if none comes within the run's patience.
         """
-        seconds = return_seconds(self) if seconds is None else seconds
+        seconds = self.return_seconds() if seconds is None else seconds
         if self._used and "exits" not in self.requirement.acceptable:
             self.charge_its_end()
         if self.testee.ended() or self._takes_a_start(channel) or self._starts_sooner(channel):
@@ -91,16 +59,16 @@ class ClientTrial(Trial):
             if not self.testee.asked_to_start(self.purpose):
                 self.not_observable("it would take a further start of the client by hand")
         started = self.testee.ensure_running()
-        found = past_probes(self, channel, seconds)
+        found = self.past_probes(channel, seconds)
         if found is None and not started:
             self.peer.close_all()  # some come back to both channels or to none
-            found = past_probes(self, channel, min(seconds, RETURN_SECONDS))
+            found = self.past_probes(channel, min(seconds, RETURN_SECONDS))
         if found is None and not started:
             if channel in self.facts.returns:
                 self._note_loss(does_not_come(channel, self.testee), channel)
             self.end_testee()
             if self.testee.ensure_running():
-                found = past_probes(self, channel, seconds)
+                found = self.past_probes(channel, seconds)
         if found is None:
             self.not_observable(f"the testee made no connection on the {channel} channel")
         return found
@@ -137,25 +105,6 @@ class ClientTrial(Trial):
     def _note_loss(self, what: str, channel: Channel | None = None) -> None:
         alive = any(connection.channel == channel for connection in self.peer.connections)
         self.losses.append(LostSign(what, None if alive else channel, list(self.peer.entries)))
-
-    def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
-        """Close those of this channel that were used; a new one, if it comes in time.
-
-        None of a testee that has hung, died or exited: unlike `connection`, this starts no other.
-        """
-        for used in self._used:
-            if used.channel == channel:
-                used.close()
-        seconds = return_seconds(self) if seconds is None else seconds
-        for part in (min(seconds, MISSED_SECONDS), seconds - MISSED_SECONDS):
-            self.peer.until(lambda: self._unused(channel) or self.testee.ended(), part)
-            if part == MISSED_SECONDS and not self._unused(channel):
-                self.testee.missed(channel)
-        found = self._unused(channel)
-        if found is not None:
-            self._used.add(found)
-            self.facts.was_away(absence(self.peer, found, self.testee.started))
-        return found
 
     def greeted(self, channel: Channel) -> Connection:
         """A new connection on which the testee has said `hello` and was given `welcome`."""
@@ -230,17 +179,7 @@ class ClientTrial(Trial):
         assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"
         return self.testee
 
-    # Reading what it did with device memory
-
-    def calls(self) -> list[Call]:
-        """The calls of the stand-in CUDA runtime since the trial began."""
-        return self.stand_in.calls()[self._calls_before :] if self.stand_in else []
-
     # Waiting and watching
-
-    def wait(self, condition: Callable[[], Any], seconds: float | None = None) -> bool:
-        """As of every trial; without a limit of its own, as long as this testee's pace asks for."""
-        return super().wait(condition, self.facts.effect_seconds if seconds is None else seconds)
 
     def _answers(self, condition: Callable[[], Any]) -> bool:
         """Wait for an answer, and note how long it took."""
@@ -248,16 +187,6 @@ class ClientTrial(Trial):
         if came := self.wait(condition):
             self.facts.took(self.peer.clock() - began)
         return came
-
-    def uses(self, condition: Callable[[], Any], seconds: float = EFFECT_SECONDS) -> bool:
-        """Wait, at this testee's pace, until memory is opened or read; whether it is."""
-        return self.wait(condition, memory_pace.patience(self.facts.memory_seconds, seconds))
-
-    def opens(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
-        """Whether the testee opens the memory that was offered last on this connection."""
-        dealings = self.role.with_(connection)
-        self.uses(lambda: dealings.generation in dealings.opened or connection.ended, seconds)
-        return dealings.generation in dealings.opened
 
     def require_open(self, connection: Connection) -> None:
         """Skip the check if the testee does not open the memory that was offered last."""
@@ -364,7 +293,7 @@ class ClientTrial(Trial):
         if channel not in self.facts.returns:
             self._expect_closed(channel)
             return self.fate() is None or (self.fate() == "exits" and self.facts.leaves)
-        return tries_to_go_on(self, channel)[1]
+        return self.tries_to_go_on(channel)[1]
 
     def _end_of(self, connection: Connection) -> str:
         outcome = self.end_of(connection, 0.05)
@@ -402,17 +331,6 @@ class ClientTrial(Trial):
                 "there and one that does not look alike"
             )
         self.delivered += 1
-
-    def _unused(self, channel: Channel) -> Connection | None:
-        """One that is there; or was, of a testee that has ended over what it was sent on it before
-        anybody looked.
-        """
-        on_it = (c for c in self.peer.connections if c.channel == channel and c.open)
-        unused = [c for c in on_it if c not in self._used]
-        there = [c for c in unused if not c.ended]
-        if not there and self.testee.ended() and not self.facts.leaves:
-            there = [c for c in unused if c.packets]
-        return next(iter(there), None)
 
     def _takes_further(self, connection: Connection) -> bool:
         return "reinit" in self.role.with_(connection).granted

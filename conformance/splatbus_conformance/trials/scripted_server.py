@@ -277,18 +277,18 @@ class ScriptedServer:
     @property
     def ring_layout(self) -> Json:
         """Where the slots lie in what is offered."""
-        layout: Json = self.ring.layout if self.ring else self.packet["ring"]
+        layout: Json = self.ring.layout if self.ring else self.host_packet["ring"]
         return layout
 
     @property
-    def packet(self) -> Json:
-        """A good init packet of the memory of the host that is offered, of generation 0."""
+    def host_packet(self) -> Json:
+        """An init packet of the memory of the host that is offered; no generation is 0 [MEM-1]."""
         return self._packet(0, self.width, self.height)
 
     def _packet(self, generation: int, width: int, height: int) -> Json:
         name = self.memory.name
-        packet = messages.init_packet_1_1(name, generation, width, height, self.slots)
-        return arranged(packet, self._arrangement)
+        told = messages.init_packet_1_1(name, generation, width, height, self.slots)
+        return arranged(told, self._arrangement)
 
     def offer(self, connection: Connection, init_packet: Json) -> None:
         """Send an init packet."""

@@ -10,7 +10,7 @@ from splatbus_schemas import LIMITS
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.cases.drawing import climb, draw
-from splatbus_conformance.cases.script import Case, Cases
+from splatbus_conformance.cases.script import Case, Rows
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.measurements import Measurements
@@ -83,7 +83,7 @@ class Trial:
         self.measurements = Measurements()
         self.seed = 0
         self.profile = "quick"
-        self.script: Cases | None = None
+        self.script: Rows | None = None
         """The cases to deliver, where they are not the check's own choice."""
         self.left_out = 0
         """Listed cases that this run left for another seed, or for the full profile."""

@@ -31,8 +31,9 @@ from splatbus_server.cuda.driver import (
 )
 from splatbus_server.cuda.kernels import Compiler
 from splatbus_server.cuda.launching import Launch, current_context
-from splatbus_server.cuda.source import DepthKind, Layout, Source, source
+from splatbus_server.cuda.source import Layout, Source, source
 from splatbus_server.ring import Ring
+from splatbus_server.source import DepthKind
 
 _MOST_LAUNCHES = 1024
 """Prepared and kept; more are of arrays that never lie alike."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Literal
+from typing import Any
 
 from splatbus_server.cuda.arrays import Form, bits_of, device_array
 from splatbus_server.cuda.kernels import Format
+from splatbus_server.source import DepthKind
 
-DepthKind = Literal["linear", "inverse", "accumulated"]
 _RULES = {"linear": 1, "inverse": 2, "accumulated": 3}
 _VECTOR_BYTES = 16
 _NOTHING = 0, None, 0, None

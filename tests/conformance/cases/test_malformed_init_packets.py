@@ -17,8 +17,6 @@ from splatbus_schemas.validation import violations
 
 NAMED = {"memory/name": "splatbus-1", "generation": 1}
 BREACHES = [*breaches_of_1_0(), *breaches_of_1_1()]
-BEYOND_SCHEMAS = {"MEM-9"}
-"""What a schema cannot say, because it takes arithmetic over members."""
 
 
 def slots(packet):

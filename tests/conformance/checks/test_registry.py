@@ -2,6 +2,8 @@
 
 import pytest
 from splatbus_conformance.checks.registry import bound, checks_of, exclusions, judges
+from splatbus_conformance.trials.testee.client_probe import ClientFacts
+from splatbus_conformance.trials.testee.server_probe import ServerFacts
 from splatbus_schemas.requirements import requirements
 
 PEERS = ("client", "server")
@@ -40,3 +42,10 @@ def test_every_check_judges_a_requirement_on_its_side_and_says_what_it_does(peer
         assert peer in requirements("1.1")[check.requirement].binds
         assert check.does
         assert check.observable
+
+
+@pytest.mark.parametrize("facts", [ClientFacts(), ServerFacts()])
+def test_every_need_is_one_that_is_known(facts: ClientFacts | ServerFacts) -> None:
+    side = "client" if isinstance(facts, ClientFacts) else "server"
+    for need in {need for check in checks_of(side) for need in check.needs}:
+        facts.lacks(need)

@@ -18,7 +18,6 @@ from splatbus_conformance.checks.stateful import (
 )
 from splatbus_conformance.checks.stateful.explore import (
     MOST_CUT_SHORT,
-    SHRINKING_SECONDS,
     Amount,
     go_through,
 )
@@ -39,7 +38,6 @@ class Vault:
     """A part whose testee breaks once it was opened, emptied, closed and opened again."""
 
     breaks = JUDGED
-    opened_before = False
 
     def __init__(self) -> None:
         self.open, self.history = False, ""
@@ -134,13 +132,6 @@ def test_a_session_ends_with_a_testee_that_may_end() -> None:
     assert session.other is None
 
 
-@pytest.fixture
-def soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What fails is made small within two seconds."""
-    monkeypatch.setitem(SHRINKING_SECONDS, "quick", 1.0)
-
-
-@pytest.mark.usefixtures("soon")
 def test_hypothesis_finds_the_session_and_it_is_made_small() -> None:
     made = trial()
     with pytest.raises(Violation, match="it is on fire"):
@@ -177,7 +168,6 @@ def test_kept_sessions_come_first_and_are_noted() -> None:
     assert made.went_through == [[Case(True, FIRE[:2]), Case(True, FIRE)]]
 
 
-@pytest.mark.usefixtures("soon")
 def test_what_fails_once_only_keeps_all_that_came_before_it() -> None:
     sessions = 0
 

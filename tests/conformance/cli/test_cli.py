@@ -14,8 +14,9 @@ import splatbus_renderer.cli
 import splatbus_viewer.cli
 from splatbus_conformance.cli.arguments import plan_of
 from splatbus_conformance.cli.examples import EXAMPLES
-from splatbus_conformance.cli.main import main, parser
+from splatbus_conformance.cli.main import main
 from splatbus_conformance.cli.options import FORMATS
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.plan import SIDES, Usage
 from splatbus_conformance.reports.console import console
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED

@@ -1,7 +1,6 @@
 """Which reading two images fit: of images rendered from the closed form, by mistaken cameras."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -34,7 +33,6 @@ MOVES = (
     ((-0.3, -0.3, -0.2), (0.0, math.sin(HALF), 0.0, math.cos(HALF))),
     ((0.2, -0.4, -0.3), (0.05, 0.02, math.sin(HALF), math.cos(HALF))),
 )
-Rendered = Callable[[Camera, tuple[float, ...], tuple[float, ...]], Camera]
 
 
 def camera(pose: Rigid, width: int = 64, height: int = 48) -> Camera:

@@ -7,7 +7,8 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.cli.main import parser
+from splatbus_conformance.cli.commands import replay
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.observe import playback
 from splatbus_conformance.observe.playback import play, steps
 from splatbus_conformance.plan import Side, Usage
@@ -133,7 +134,7 @@ def test_a_connection_that_does_not_come_is_told_and_the_rest_goes_on() -> None:
 
 def replayed(file: Path, *words: str) -> int:
     arguments = parser().parse_args(["--plain", "replay", str(file), *words])
-    return int(arguments.run(arguments, console(True)))
+    return replay(arguments, console(True))
 
 
 def test_what_was_broken_then_is_found_again_or_not(

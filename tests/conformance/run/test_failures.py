@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import pytest
 from splatbus_conformance.cases.script import Case, Script, as_text, load
 from splatbus_conformance.cli.arguments import plan_of
-from splatbus_conformance.cli.main import parser
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.plan import SIDES, NoVerdict, Plan
 from splatbus_conformance.run import failures, replay
 from splatbus_conformance.run.failures import work_out

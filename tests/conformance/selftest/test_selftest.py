@@ -13,8 +13,7 @@ import pytest
 from splatbus_conformance import rules
 from splatbus_conformance.checks.registry import checks_of, judges
 from splatbus_conformance.reports.console import CleanConsole
-from splatbus_conformance.selftest import command, kill_matrix
-from splatbus_conformance.selftest import judge as trials
+from splatbus_conformance.selftest import command, judge, kill_matrix
 from splatbus_conformance.selftest.judge import Cell, Fate, SpecimenResult, fate_of
 from splatbus_conformance.selftest.mutant import RULE, SIDES, Mutant, Variation
 from splatbus_conformance.selftest.registry import groups, mutants, specimen_named, variations
@@ -37,7 +36,7 @@ def judged_by(mutant: Mutant) -> set[str]:
     """The checks, or the rules, that can kill this mutant."""
     if mutant.check != RULE:
         return {mutant.check}
-    return {judge.name for judge in JUDGES[mutant.side][mutant.requirement] if judge.level == "L0"}
+    return {it.name for it in JUDGES[mutant.side][mutant.requirement] if it.level == "L0"}
 
 
 def families(package):
@@ -50,14 +49,14 @@ def families(package):
 
 def test_every_specimen_has_a_name_of_its_own():
     every = (*mutants(), *variations(), *groups())
-    names = Counter([*trials.REFERENCE, *(it.name for it in every)])
+    names = Counter([*judge.REFERENCE, *(it.name for it in every)])
     assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_each_mutant_names_a_requirement_who_judges_it_and_for_what():
     def fits(mutant: Mutant) -> bool:
         judging = JUDGES[mutant.side][mutant.requirement]
-        known = {(RULE if judge.level == "L0" else judge.name) for judge in judging}
+        known = {(RULE if it.level == "L0" else it.name) for it in judging}
         binds = requirements("1.1")[mutant.requirement].binds
         return mutant.side in binds and mutant.check in known and bool(mutant.code)
 
@@ -176,8 +175,8 @@ def out():
 
 
 def run_selftest(monkeypatch, out, rows, only="", path=None):
-    trials_ = {row.name: lambda row=row: row for row in rows}
-    monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
+    specimens = {row.name: lambda row=row: row for row in rows}
+    monkeypatch.setattr(command, "every_specimen", lambda profile: iter(specimens.items()))
     return command.selftest(argparse.Namespace(only=only, json=path, profile="brief"), out)
 
 
@@ -201,12 +200,12 @@ def test_the_selftest_passes_when_all_is_as_it_must_be(monkeypatch, out):
 @pytest.mark.parametrize("alone", [Fate.ALLOWED, Fate.CONDEMNED])
 def test_a_group_that_is_condemned_is_judged_one_by_one(monkeypatch, out, alone):
     (group, *_) = groups()
-    trials_ = {group.name: lambda: row(group.name, Fate.CONDEMNED, "variation")}
-    trials_ |= {
+    specimens = {group.name: lambda: row(group.name, Fate.CONDEMNED, "variation")}
+    specimens |= {
         name: lambda name=name: row(name, alone if name == group.members[0] else Fate.ALLOWED)
         for name in group.members
     }
-    monkeypatch.setattr(command, "every_trial", lambda profile: iter(trials_.items()))
+    monkeypatch.setattr(command, "every_specimen", lambda profile: iter(specimens.items()))
     given = argparse.Namespace(only="", json=None, profile="brief")
     assert command.selftest(given, out) == 1
     culprit = group.members[0] if alone is Fate.CONDEMNED else group.name
@@ -238,16 +237,14 @@ def test_the_matrix_is_stored_for_programs_and_people(monkeypatch, out, tmp_path
 
 @pytest.mark.parametrize("name", ["byte-order-mark", "empty-packets-are-skipped", "releases-twice"])
 def test_a_mutant_dies(name):
-    judged = trials.judge_mutant(MUTANTS[name])
+    judged = judge.judge_mutant(MUTANTS[name])
     assert judged.fate is Fate.KILLED, judged
 
 
 def test_a_variation_lives():
-    report, status, last_words = trials.run_harness(
-        "numbers-of-17-digits", "client", "CHN-10", 60.0
-    )
+    report, status, last_words = judge.run_harness("numbers-of-17-digits", "client", "CHN-10", 60.0)
     assert status == 0, last_words
-    assert not any(cell.condemns for cell in trials.cells_of(report))
+    assert not any(cell.condemns for cell in judge.cells_of(report))
 
 
 def test_a_mutant_that_no_check_looks_at_survives():
@@ -262,7 +259,7 @@ def test_a_mutant_that_no_check_looks_at_survives():
         "FRM-3",
         "client",
     )
-    assert trials.judge_mutant(elsewhere).fate is Fate.SURVIVED
+    assert judge.judge_mutant(elsewhere).fate is Fate.SURVIVED
 
 
 def test_each_specimen_is_found_by_its_name():

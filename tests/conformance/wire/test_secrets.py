@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from splatbus_conformance.cases.script import Case, Script, as_text
 from splatbus_conformance.cli.arguments import plan_of
-from splatbus_conformance.cli.main import parser
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.plan import Usage
 from splatbus_conformance.reports.files.as_json import json_report
 from splatbus_conformance.reports.findings import Traffic

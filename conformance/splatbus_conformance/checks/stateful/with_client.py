@@ -9,7 +9,6 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks.stateful import SessionBreach, SessionOver, Step
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.pose_error import engine_of, off, read_pose
-from splatbus_conformance.trials.returning import return_seconds
 from splatbus_conformance.trials.scripted_server import ServedConnection
 from splatbus_conformance.trials.trial import Violation
 from splatbus_conformance.wire.json_values import whole
@@ -361,7 +360,7 @@ class WithClient:
             )
 
     def _arrives(self, channel: Channel, before: int) -> bool:
-        seconds = return_seconds(self.trial) if self.facts.away_seconds else RETURN_SECONDS
+        seconds = self.trial.return_seconds() if self.facts.away_seconds else RETURN_SECONDS
         return self.trial.arrives(channel, seconds, before)
 
     # What was said

@@ -46,9 +46,9 @@ def poses(trial: ServerTrial, place: float) -> dict[str, Json]:
         "camera_pose": camera_pose((place, 0.5, -3.0)),
         "point_cloud_pose": camera_pose((0.0, 0.0, place / 8), kind="point_cloud_pose"),
     }
-    if _grants(trial, "objects"):
+    if trial.facts.grants("objects"):
         found["object_pose"] = placed(DEFAULT, AT_REST, 1.0 + abs(place) / 8)
-    if _grants(trial, "time"):
+    if trial.facts.grants("time"):
         found["set_time"] = set_time((trial.facts.time_range() or (0.0, 1.0))[1])
     return found
 
@@ -138,12 +138,12 @@ def refused_poses(trial: ServerTrial) -> dict[str, Json]:
         "a pose with a rotation of norm 2": camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)),
         "a pose with a tag that is none": camera_pose() | {"tag": ""},
     }
-    if _grants(trial, "objects"):
+    if trial.facts.grants("objects"):
         found["a pose of an unknown object"] = placed("no such object", AT_REST)
         found["a pose of an object without size"] = placed(DEFAULT, AT_REST, 0.0)
-    if _grants(trial, "time"):
+    if trial.facts.grants("time"):
         found["a time that is no number"] = {"type": "set_time", "time": "now"}
-    if _grants(trial, "intrinsics") and trial.facts.first is not None:
+    if trial.facts.grants("intrinsics") and trial.facts.first is not None:
         width, height = trial.facts.size
         lens = lens_of(trial.facts.first, width, 2 * height + 2, 1.0, 1.0, 0.0, 0.0)
         found["a pose with intrinsics of another shape"] = camera_pose() | {"intrinsics": lens}
@@ -159,7 +159,7 @@ def check_tells_it_once(trial: ServerTrial) -> None:
     others = [further(trial, first) for _ in range(2)]
     old = trial.dial("msg")
     stranger = {"type": "weather_report"}
-    if _grants(trial, "objects"):
+    if trial.facts.grants("objects"):
         stranger = placed("no such object", AT_REST)
     for number in trial.each(range(AGAIN)):
         if number == 1:  # another error is no reason to say it again
@@ -218,7 +218,7 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     third = further(trial, first, old)
     clients = ((old, -1.0), (third, -4.0))
     lens = _lens_as_shown(trial, steering)
-    time = (trial.facts.time_range() or (0.0, 0.0))[1] if _grants(trial, "time") else None
+    time = (trial.facts.time_range() or (0.0, 0.0))[1] if trial.facts.grants("time") else None
     for number in range(3):
         for client, place in clients:
             more: Json = {"tag": NEWEST_TAG[:-1] + str(number)}
@@ -286,15 +286,11 @@ def _expect_the_rest(
 
 def _lens_as_shown(trial: ServerTrial, steering: CameraControl) -> Json | None:
     """Intrinsics that are not those of the newest frame; None where they are not granted."""
-    if not _grants(trial, "intrinsics"):
+    if not trial.facts.grants("intrinsics"):
         return None
     camera = frames_of(trial, steering.reader)[-1]["camera"]
     names = (*LENS, "width", "height")
     return {name: camera[name] for name in names} | {"fx": 1.5 * camera["fx"]}
-
-
-def _grants(trial: ServerTrial, capability: str) -> bool:
-    return trial.facts.lacks(f"capability:{capability}") is None
 
 
 def _depth_of_cloud(trial: ServerTrial, steering: CameraControl) -> float:
@@ -314,7 +310,7 @@ def _cloud(z: float) -> Json:
 )
 def check_no_pose_of_another_is_applied(trial: ServerTrial) -> None:
     """A client has control and has set what it may; another sends a pose of each kind."""
-    span = trial.facts.time_range() if _grants(trial, "time") else None
+    span = trial.facts.time_range() if trial.facts.grants("time") else None
     with image_session(trial) as it:
         other = further(trial, it.poser)
         for kind, pose in trial.each(list(poses(trial, 3.0).items())):
@@ -352,9 +348,9 @@ def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
     own = {name: first.frame["camera"][name] for name in LENS}
     size = first.camera.width, first.camera.height
     lens = lens_of(first, *size, 0.5, 0.5, 0.1, 0.1)
-    has_lens = _grants(trial, "intrinsics")
+    has_lens = trial.facts.grants("intrinsics")
     span = trial.facts.time_range()
-    if not _grants(trial, "time"):
+    if not trial.facts.grants("time"):
         span = None
     if not (has_lens or span):
         trial.not_observable("the server grants neither intrinsics nor time")

@@ -34,7 +34,7 @@ def check_tells_of_its_scene(trial: ServerTrial) -> None:
     sound = all(text_of(name, 1, 64) for name in ids) and len(set(map(str, ids))) == len(ids)
     trial.expect(sound, "invalid-ids", f"the ids of objects are {show(ids)}")
     _expect_bounds_of_their_own(trial)
-    if trial.facts.lacks("capability:objects") is None:
+    if trial.facts.grants("objects"):
         _expect_poses_are_known(trial, ids)
     _expect_cameras(trial, told.get("cameras"))
     semantics = (trial.facts.init_packet or {}).get("semantics")
@@ -100,7 +100,7 @@ def _expect_cameras(trial: ServerTrial, count: Any) -> None:
 @check("TIM-4", observable="timeRange of a scene whose time is granted", needs=TELLS)
 def check_grants_time_to_the_animated_alone(trial: ServerTrial) -> None:
     """What `welcome` lists, and what `scene` says."""
-    granted = trial.facts.lacks("capability:time") is None
+    granted = trial.facts.grants("time")
     told = trial.ask(trial.greeted("msg"), SCENE) or {}
     trial.expect(
         told.get("timeRange") is not None or not granted,

@@ -1,4 +1,4 @@
-"""Override one behaviour of the reference client from outside."""
+"""Override one behaviour of the reference from outside."""
 
 import contextlib
 import json

@@ -52,7 +52,7 @@ class ImageSession:
         self.capture = FrameCapture(trial)
         self._looked = False
         self._nudges = Nudging(trial, self.frames, self.capture.new)
-        self.look(placed(DEFAULT, AT_REST) if _has_objects(trial) else at_rest())
+        self.look(placed(DEFAULT, AT_REST) if trial.facts.grants("objects") else at_rest())
 
     @property
     def heard(self) -> list[Json]:
@@ -119,7 +119,7 @@ def image_session(trial: ServerTrial) -> Iterator[ImageSession]:
     try:
         yield it
     finally:
-        if _has_objects(trial):
+        if trial.facts.grants("objects"):
             it.say(*(placed(name, AT_REST) for name in trial.facts.objects()))
             it.answers()
 
@@ -175,10 +175,6 @@ def at_rest() -> Json:
     return camera_pose(*AT_REST, kind="point_cloud_pose")
 
 
-def _has_objects(trial: ServerTrial) -> bool:
-    return trial.facts.lacks("capability:objects") is None
-
-
 def refused_poses(trial: ServerTrial) -> list[Json]:
     """Poses that are refused on a connection of 1.1: by POS-2, POS-3, CAM-9 and CAM-6."""
     found = [
@@ -186,6 +182,6 @@ def refused_poses(trial: ServerTrial) -> list[Json]:
         camera_pose(rotation=(0.0, 0.0, 0.0, 2.0)),
         camera_pose() | {"tag": ""},
     ]
-    if trial.facts.lacks("capability:intrinsics") is None and trial.facts.size[0] > 1:
+    if trial.facts.grants("intrinsics") and trial.facts.size[0] > 1:
         found.append(camera_pose() | {"intrinsics": NARROW})
     return found

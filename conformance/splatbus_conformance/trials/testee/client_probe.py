@@ -6,10 +6,10 @@ Checks ask no more of it than it has shown here.
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from splatbus_conformance.images.memory.device import why_no_device
 from splatbus_conformance.trials import memory_pace
-from splatbus_conformance.trials.returning import absence
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import os_evidence, probe_advice
 from splatbus_conformance.trials.testee.adapter import Greeting
@@ -100,9 +100,19 @@ class ClientFacts:
         """Note how long an answer took."""
         self.slowest_answer = max(self.slowest_answer, seconds)
 
-    def was_away(self, seconds: float) -> None:
-        """Note how long it stayed away."""
-        self.away_seconds = max(self.away_seconds, seconds)
+    def was_away(self, peer: Peer, back: Connection, born: float) -> None:
+        """Note how long it stayed away that could have come back.
+
+        Args:
+            peer: that it came back to.
+            back: its new connection.
+            born: when its process was started, by the monotonic clock; 0 if that is not known.
+        """
+        former = [c for c in peer.connections if c.channel == back.channel and c is not back]
+        left = max((c.gone_since for c in former if c.gone_since is not None), default=None)
+        if left is not None and left >= born:
+            away = back.opened - max(left, peer.listens_since[back.channel])
+            self.away_seconds = max(self.away_seconds, away)
 
     def speaks_1_1(self, channel: Channel) -> bool:
         """It said `hello` on this channel."""
@@ -155,35 +165,13 @@ class ClientFacts:
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
         kind, _, of = need.partition(":")
-        if kind == "hello":
-            if self.hello["ipc" if of == "ipc" else "msg"] is not None:
-                return None
-            return f"the testee says no hello on the {of} channel: 1.1 is not claimed"
         if kind == "stand-in":
             return self.device_unseen
         if kind == "device":
             return why_no_device(self.device, self.device_unseen)
-        if kind == "returns":
-            known = of in self.returns or (self.expendable and of in self.connects)
-            why = f"does not connect to the {of} channel again"
-        elif kind == "reconnects":
-            known, why = of in self.returns, f"does not connect to the {of} channel again"
-        elif kind == "capability":
-            known, why = of in self.capabilities(), f"does not declare the capability {of}"
-        elif kind in CHANNELS:
-            known, why = kind in self.connects, f"makes no connection on the {kind} channel"
-        elif kind == "asks":
-            known, why = bool(self.asks), "makes no request when it connects"
-        elif kind == "says":
-            known, why = of in self.says, f"sends no {of} when it connects"
-        elif kind == "poses":
-            known, why = self.poses, "sends no poses unasked that can be read"
-        elif kind in ("adapter", "axes"):
+        if kind in ("adapter", "axes"):
             return self._adapter_lacks(kind, of)
-        elif kind == "opens":
-            known, why = self.opens, "did not open good memory when it was first met"
-        else:
-            raise ValueError(f"a check needs {need!r}, which nobody knows")
+        known, why = NEEDS[kind](self, of)
         return None if known else f"the testee {why}"
 
     def _adapter_lacks(self, kind: str, of: str) -> str | None:
@@ -194,6 +182,27 @@ class ClientFacts:
         return (
             None if of == self.adapter.axes else f"its poses are in the axes of {self.adapter.axes}"
         )
+
+
+NEEDS: dict[str, Callable[[ClientFacts, Any], tuple[object, str]]] = {
+    "hello": lambda it, of: (
+        it.speaks_1_1(of),
+        f"says no hello on the {of} channel: 1.1 is not claimed",
+    ),
+    "ipc": lambda it, _: ("ipc" in it.connects, "makes no connection on the ipc channel"),
+    "msg": lambda it, _: ("msg" in it.connects, "makes no connection on the msg channel"),
+    "returns": lambda it, of: (
+        of in it.returns or (it.expendable and of in it.connects),
+        f"does not connect to the {of} channel again",
+    ),
+    "reconnects": lambda it, of: (of in it.returns, f"does not connect to the {of} channel again"),
+    "capability": lambda it, of: (of in it.capabilities(), f"does not declare the capability {of}"),
+    "asks": lambda it, _: (it.asks, "makes no request when it connects"),
+    "says": lambda it, of: (of in it.says, f"sends no {of} when it connects"),
+    "poses": lambda it, _: (it.poses, "sends no poses unasked that can be read"),
+    "opens": lambda it, _: (it.opens, "did not open good memory when it was first met"),
+}
+"""Of each need but a device's and an adapter's: whether it is met, and what is the case if not."""
 
 
 def introduce(
@@ -269,7 +278,7 @@ def _meet(peer: Peer, role: ScriptedServer, testee: Testee, patience: float) -> 
     facts.connects |= back()
     for connection in peer.connections:
         if connection not in met:
-            facts.was_away(absence(peer, connection, testee.started))
+            facts.was_away(peer, connection, testee.started)
     ended = testee.ended()
     facts.leaves = ended is not None and not ended.crashed
 

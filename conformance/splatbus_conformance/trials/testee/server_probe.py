@@ -4,6 +4,7 @@ Checks ask no more of it than it has shown here.
 """
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from splatbus_conformance.images.captured import CapturedFrame, photograph_of, shows_the_scene
@@ -105,6 +106,10 @@ class ServerFacts:
         """What it granted on a channel to a client that offered everything."""
         return texts(within(self.welcome[channel], "capabilities"))
 
+    def grants(self, capability: str) -> bool:
+        """Whether it granted this on either channel."""
+        return any(capability in self.capabilities(channel) for channel in CHANNELS)
+
     def objects(self) -> list[str]:
         """The ids of the objects that `scene` lists; `default` where it tells nothing."""
         listed = within(self.scene, "objects")
@@ -144,32 +149,32 @@ class ServerFacts:
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
         kind, _, of = need.partition(":")
-        if kind == "1.1":
-            return None if self.version() == "1.1" else "the server speaks 1.0 only"
         if kind == "stand-in":
             return self.device_unseen
         if kind == "device":
             return why_no_device(self.device, self.device_unseen)
-        if kind == "capability":
-            granted = *self.capabilities("ipc"), *self.capabilities("msg")
-            known, why = of in granted, f"does not grant the capability {of}"
-        elif kind == "opens":
-            known, why = self.opens, "announces no memory that can be opened here"
-        elif kind == "frames":
-            known, why = self.renders, "sent no frame"
-        elif kind == "pixels":
-            known, why = self.first is not None, "shows no image that can be read here"
-            if self.plays and "time" not in self.capabilities("msg"):
-                known, why = False, "shows a scene that plays, and nobody may set its time"
-        elif kind == "scene":
-            known, why = self.scene_known, "does not show the scene of conformance/SCENE.md"
-        elif kind == "cuda" and self.guarded:
-            known, why = False, "requires a token, and announces nothing to who says nothing"
-        elif kind == "cuda":
-            known, why = self.at_once, "announces no CUDA memory"
-        else:
-            raise ValueError(f"a check needs {need!r}, which nobody knows")
+        known, why = NEEDS[kind](self, of)
         return None if known else f"the server {why}"
+
+
+NEEDS: dict[str, Callable[[ServerFacts, str], tuple[bool, str]]] = {
+    "1.1": lambda it, _: (it.version() == "1.1", "speaks 1.0 only"),
+    "capability": lambda it, of: (it.grants(of), f"does not grant the capability {of}"),
+    "opens": lambda it, _: (it.opens, "announces no memory that can be opened here"),
+    "frames": lambda it, _: (it.renders, "sent no frame"),
+    "pixels": lambda it, _: (
+        (False, "shows a scene that plays, and nobody may set its time")
+        if it.plays and "time" not in it.capabilities("msg")
+        else (it.first is not None, "shows no image that can be read here")
+    ),
+    "scene": lambda it, _: (it.scene_known, "does not show the scene of conformance/SCENE.md"),
+    "cuda": lambda it, _: (
+        (False, "requires a token, and announces nothing to who says nothing")
+        if it.guarded
+        else (it.at_once, "announces no CUDA memory")
+    ),
+}
+"""Of each need but a device's: whether it is met, and what is the case if not."""
 
 
 def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: float) -> ServerFacts:

@@ -10,7 +10,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.init_packets import changed
 from splatbus_conformance.checks import check
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.returning import PROBES, return_seconds
+from splatbus_conformance.trials.returning import PROBES
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS, OTHER_ERRORS
 from splatbus_conformance.wire.messages import error
@@ -258,7 +258,7 @@ def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
             first.close()
         return all(len(came(channel)) > 1 for channel in channels)
 
-    trial.wait(each_came_twice, 2 * return_seconds(trial))
+    trial.wait(each_came_twice, 2 * trial.return_seconds())
     for channel in channels:
         apart = after(trial, channel, listening[channel]).opened - listening[channel]
         trial.expect(

@@ -7,7 +7,7 @@ from splatbus_conformance.checks.v1_0.chn.clients import closing
 from splatbus_conformance.checks.v1_0.frm.pieces import APART_SECONDS
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.exchange import asked_on, exchange
-from splatbus_conformance.trials.returning import PROBES, tries_to_go_on
+from splatbus_conformance.trials.returning import PROBES
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
@@ -64,13 +64,13 @@ def check_half_packet_is_discarded(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = False
     trial.greeted("ipc").close()
-    usual, _ = tries_to_go_on(trial, "ipc")
+    usual, _ = trial.tries_to_go_on("ipc")
     for kept, end in trial.each(ENDS, kind=inside):
         connection = trial.greeted("ipc")
         connection.send(packet(encode(trial.role.init_packet(connection)))[:kept])
         trial.rest(APART_SECONDS)
         getattr(connection, end)()
-        tries, came = tries_to_go_on(trial, "ipc")
+        tries, came = trial.tries_to_go_on("ipc")
         outcome = "reconnects" if came else "hangs"
         what = f"a connection that ends after {kept} bytes of a packet, by {end}"
         trial.judge(outcome if tries <= usual else "closes", what)

@@ -321,7 +321,7 @@ def check_keeps_the_former_camera(trial: ServerTrial) -> None:
     first, session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
-    has_lens = trial.facts.lacks("capability:intrinsics") is None
+    has_lens = trial.facts.grants("intrinsics")
     broken = [("tag", value) for value in BAD_TAGS]
     if has_lens:
         broken += [("intrinsics", value) for value in bad_lenses(good)]

@@ -90,7 +90,7 @@ def check_reads_where_32_bits_do_not_reach(trial: ClientTrial) -> None:
     role = trial.role
     role.offers_memory, role.slots = False, 2
     role.arrange(Arrangement(ORDERS[2], after=FOUR_GIB - 20 * role.width * role.height))
-    with HostMemory(role.packet["memory"]["bytes"], sparse=True) as memory:
+    with HostMemory(role.host_packet["memory"]["bytes"], sparse=True) as memory:
         role.memory = memory
         connection = trial.for_init_packet()
         role.lends_frames = False

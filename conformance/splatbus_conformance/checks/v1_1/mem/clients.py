@@ -161,7 +161,7 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
     the generation of the last and of the one before it.
     """
     trial.role.offers_memory = False
-    zero = trial.role.packet
+    zero = trial.role.host_packet
     outcome = trial.outcome_on_ipc(trial.greeted("ipc"), packet(encode(zero)))
     trial.judge(outcome, "the first init packet with generation 0 (MEM-1)")
     for back in (0, 1):
@@ -186,7 +186,7 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
 def check_takes_later_versions(trial: ClientTrial, minor: int) -> None:
     """Good memory is announced by a server that names a later minor version."""
     trial.role.offers_memory = False
-    opened, _ = offer(trial, trial.role.packet | {"version": f"1.{minor}"})
+    opened, _ = offer(trial, trial.role.host_packet | {"version": f"1.{minor}"})
     trial.expect(opened, "not-opened", f"an init packet of version 1.{minor} was not opened")
     trial.delivered += 1
 
@@ -204,7 +204,7 @@ def check_opens_memory_for_reading_only(trial: ClientTrial) -> None:
     for mode in (0o600, 0o400):
         with HostMemory(trial.role.memory.size) as memory:
             (LINUX_FOLDER / memory.name).chmod(mode)
-            opened, _ = offer(trial, changed(trial.role.packet, {"memory/name": memory.name}))
+            opened, _ = offer(trial, changed(trial.role.host_packet, {"memory/name": memory.name}))
             writes, holds = writers(memory.name), holders(memory.name)
         what = f"memory of mode {mode:04o}"
         trial.expect(not writes, "opened-for-writing", f"process {writes} may write to {what}")

@@ -105,11 +105,7 @@ def beside_control(trial: ServerTrial) -> Iterator[Connection]:
     needs=("1.1",),
     given=beside_control,
     cases=lambda trial, connection: Cases(
-        [
-            it
-            for it in BESIDE_WHO_HAS_CONTROL
-            if not it.needs or trial.facts.lacks(f"capability:{it.needs}") is None
-        ]
+        [it for it in BESIDE_WHO_HAS_CONTROL if not it.needs or trial.facts.grants(it.needs)]
     ),
 )
 def check_looks_at_control_last(

@@ -321,7 +321,7 @@ def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
 
 def answered_before(trial: ClientTrial) -> Iterator[tuple[str, Json, Json]]:
     """What is announced first, and then of the same generation, in words and as init packets."""
-    good, nowhere = trial.role.packet, init_packet_1_1(NOWHERE, 0)
+    good, nowhere = trial.role.host_packet, init_packet_1_1(NOWHERE, 0)
     broken = changed(good, {"semantics": ABSENT})
     for first, was in ((good, "opened"), (nowhere, "declined")):
         for again in (good, nowhere, broken):

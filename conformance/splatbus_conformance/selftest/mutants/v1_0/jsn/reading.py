@@ -113,7 +113,7 @@ def refuses_unknown_members(patch: Patch) -> None:
 
 @mutant("JSN-7", check=MEMBERS, code="ignores")
 def finds_members_at_any_level(patch: Patch) -> None:
-    """Finds the slots of a ring by a search for the name in the text."""
+    """Finds the width of the images by a search for the name in the text."""
 
     def parse(original: Any, message: Json) -> Any:
         text = json.dumps(message)

@@ -1,1 +1,0 @@
-../slow_viewer/viewer.c

@@ -1,1 +1,0 @@
-../spheres/server.c
