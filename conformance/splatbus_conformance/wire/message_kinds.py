@@ -4,33 +4,57 @@ A judge must know what a broken message was meant for, to name the requirement t
 """
 
 import re
+from functools import cache
+from operator import itemgetter
 from typing import Any
+
+from splatbus_schemas import read_json
 
 from splatbus_conformance.wire.recording import Channel, Direction
 
 Shape = Any
 """A tree of members with NUMBER at its leaves; a list stands for an array of any length."""
 NUMBER = "number"
+_MODEL = read_json("metamodel.json")["versions"]
+_MESSAGES: list[dict[str, Any]] = _MODEL["1.1"]["messages"]
+_RECORDS: dict[str, Any] = _MODEL["1.1"]["records"]
+_CHANNELS = {"ipc": "ipc", "message": "msg"}
 
-KNOWN_VERSIONS = {"1.0", "1.1"}
-POSES = ("camera_pose", "point_cloud_pose")
-REQUESTS_1_0 = ("get_viewport_size", "get_camera_pose")
-CLIENT_1_0 = (*POSES, *REQUESTS_1_0)
-REPLY_TO = {
-    "get_viewport_size": "viewport_size",
-    "get_camera_pose": "camera",
-    "get_scene": "scene",
-    "set_viewport": "viewport_size",
-    "ping": "pong",
-}
+
+def _sent(by: str, since: str, on: str = "") -> tuple[str, ...]:
+    """The types of messages that one side sends since a version, on a channel or on any."""
+    return tuple(
+        it["type"]
+        for it in _MESSAGES
+        if it["from"] == by and it["since"] == since and it["type"] and on in ("", *it["channels"])
+    )
+
+
+def _members(record: str) -> list[dict[str, Any]]:
+    return list(_RECORDS[record]["members"])
+
+
+KNOWN_VERSIONS = set(_MODEL)
+CLIENT_1_0, CLIENT_1_1 = _sent("client", "1.0"), _sent("client", "1.1")
+POSES = tuple(
+    it["type"]
+    for it in _MESSAGES
+    if it["type"] in CLIENT_1_0 and "position" in map(itemgetter("name"), _members(it["record"]))
+)
+REPLY_TO: dict[str, str] = {
+    it["answers"]: it["type"]
+    for it in _MESSAGES
+    if it["from"] == "server" and it["channels"] == ["message"] and it["answers"]
+} | {"set_viewport": "viewport_size"}
 """Each request, and the type of its reply after `welcome`."""
 REQUESTS, REPLIES = tuple(REPLY_TO), tuple(dict.fromkeys(REPLY_TO.values()))
-_ON_MSG = ("object_pose", "set_time", "get_scene", "set_viewport", "ping", "subscribe_telemetry")
-CLIENT_1_1 = ("hello", "opened", "open_failed", "closed", "release", "subscribe", *_ON_MSG)
+REQUESTS_1_0 = tuple(it for it in REQUESTS if it in CLIENT_1_0)
+_ON_MSG = tuple(it for it in _sent("client", "1.1", "message") if it != "hello")
 ADDED_MEMBERS = {
-    "camera_pose": ("tag", "intrinsics"),
-    "get_viewport_size": ("id",),
-    "get_camera_pose": ("id",),
+    it["type"]: added
+    for it in _MESSAGES
+    if it["type"] in CLIENT_1_0
+    and (added := tuple(m["name"] for m in _members(it["record"]) if m["since"] == "1.1"))
 }
 """What 1.1 adds to messages of 1.0."""
 
@@ -45,32 +69,20 @@ def newer(message: dict[str, Any]) -> set[str]:
     return message.keys() & set(ADDED_MEMBERS.get(kind, ()))
 
 
-SERVER_1_1 = ("welcome", "error", "frame", "telemetry")
+SERVER_1_1 = tuple(it for it in _sent("server", "1.1") if it not in REPLIES)
 CAPABILITIES = {
-    "ipc": ("host_shm", "cuda_ipc", "frames", "reinit", "subscribe"),
-    "msg": ("intrinsics", "objects", "scene", "viewport", "time", "ping", "telemetry"),
+    channel: tuple(name for name, on in _MODEL["1.1"]["capabilities"].items() if on == known)
+    for known, channel in _CHANNELS.items()
 }
-NEEDS = {
-    "closed": "reinit",
-    "release": "frames",
-    "subscribe": "subscribe",
-    "object_pose": "objects",
-    "get_scene": "scene",
-    "set_viewport": "viewport",
-    "set_time": "time",
-    "ping": "ping",
-    "subscribe_telemetry": "telemetry",
+NEEDS: dict[str, str] = {
+    it["type"]: it["capability"] for it in _MESSAGES if it["from"] == "client" and it["capability"]
 }
 """The capability that a message of a client belongs to."""
-CLOSING_ERRORS = (
-    *("malformed_packet", "packet_too_large", "unsupported_version"),
-    *("unauthorized", "too_many_clients"),
+_CODES = next(it["values"] for it in _members("Error") if it["name"] == "code")
+CLOSING_ERRORS, OTHER_ERRORS = tuple(_CODES[:5]), tuple(_CODES[5:])
+INIT_MEMBERS = tuple(
+    it["name"] for it in _members("InitPacket") if it["name"] not in ("version", "generation")
 )
-OTHER_ERRORS = (
-    *("malformed_json", "not_an_object", "unknown_type", "invalid_message", "invalid_rotation"),
-    *("invalid_number", "unsupported", "unknown_object", "busy", "internal"),
-)
-INIT_MEMBERS = ("meta", "mem_color", "mem_depth", "evt_done", "memory", "ring", "semantics")
 
 _VENDORS_NAME = re.compile(r"(x-[a-z0-9_]+)-[a-z0-9_]+")
 _LETTERS = re.compile("[^a-z]")
@@ -84,66 +96,24 @@ _SIGNS = {
 }
 """Members that give a reply away whose type does not."""
 
-_XYZ = dict.fromkeys("xyz", NUMBER)
-_POSE: Shape = {
-    "timestamp": NUMBER,
-    "position": _XYZ,
-    "rotation": {**_XYZ, "w": NUMBER},
-}
-_CAMERA: Shape = {"position": [NUMBER], "rotation": [NUMBER]}
-_INTRINSICS: Shape = dict.fromkeys(
-    ("fx", "fy", "cx", "cy", "width", "height", "near", "far"), NUMBER
-)
-_SHAPES: dict[str, Shape] = {
-    "camera_pose": _POSE,
-    "point_cloud_pose": _POSE,
-    "get_viewport_size": {"timestamp": NUMBER},
-    "get_camera_pose": {"timestamp": NUMBER, "cam_idx": NUMBER},
-    "opened": {"generation": NUMBER},
-    "open_failed": {"generation": NUMBER},
-    "closed": {"generation": NUMBER},
-    "release": {"generation": NUMBER, "seq": NUMBER},
-    "viewport_size": {"viewport_size": [NUMBER]},
-    "camera": _CAMERA,
-    "frame": {
-        **dict.fromkeys(("generation", "seq", "slot", "time", "renderedAt"), NUMBER),
-        "camera": {**_CAMERA, **_INTRINSICS},
-        "objects": [{**_CAMERA, "scale": NUMBER}],
-    },
-    "object_pose": {**_POSE, "scale": NUMBER},
-    "set_time": {"time": NUMBER},
-    "get_scene": {},
-    "set_viewport": {"width": NUMBER, "height": NUMBER},
-    "ping": {"t": NUMBER},
-    "scene": {
-        "objects": [{"gaussians": NUMBER, "bounds": {"min": [NUMBER], "max": [NUMBER]}}],
-        "timeRange": [NUMBER],
-        "cameras": NUMBER,
-        "origin": [NUMBER],
-    },
-    "pong": {"t": NUMBER, "serverTime": NUMBER},
-    "telemetry": {
-        "seq": NUMBER,
-        "time": NUMBER,
-        "series": [{"edges": [NUMBER], "counts": [NUMBER]}],
-    },
-    "init_packet": {
-        "generation": NUMBER,
-        "meta": dict.fromkeys(
-            ("w", "h", "pitchColor", "pitchDepth", "offsetColor", "offsetDepth", "device"), NUMBER
-        ),
-        "memory": {"bytes": NUMBER},
-        "ring": dict.fromkeys(
-            ("slots", "colorOffset", "colorStride", "depthOffset", "depthStride"), NUMBER
-        ),
-        "semantics": {"depth": {"empty": NUMBER}, "unitMetres": NUMBER, "origin": [NUMBER]},
-    },
-}
-_AFTER_WELCOME: dict[str, Shape] = {
-    **{kind: {"id": NUMBER} for kind in (*REQUESTS, *REPLIES, "error")},
-    "camera_pose": {"intrinsics": _INTRINSICS},
-    "camera": {"id": NUMBER, "intrinsics": _INTRINSICS},
-}
+
+def _shape(record: str) -> Shape:
+    """Where numbers belong in a record."""
+    found = {it["name"]: _shape_of(it) for it in _members(record)}
+    return {name: shape for name, shape in found.items() if shape}
+
+
+def _shape_of(member: dict[str, Any]) -> Shape:
+    if member["type"] in ("number", "integer"):
+        return NUMBER
+    if member["type"] == "record":
+        return _shape(member["record"])
+    items = _shape_of(member["items"]) if "items" in member else None
+    return [items] if items else None
+
+
+_SHAPES: dict[str, Shape] = {it["name"]: _shape(it["record"]) for it in _MESSAGES}
+_AFTER_WELCOME = ("id", "intrinsics")
 """Members that mean something after `welcome` only."""
 
 
@@ -155,10 +125,11 @@ def kind_of(channel: Channel, direction: Direction, value: dict[str, Any]) -> st
     return _from_client(value) if direction == "c2s" else _from_server(channel, value)
 
 
+@cache
 def shape_of(kind: str | None, *, negotiated: bool) -> Shape:
     """Where numbers belong in a message of this kind, which is one after `welcome` or not."""
     shape = _SHAPES.get(kind or "", {})
-    return {**shape, **_AFTER_WELCOME.get(kind or "", {})} if negotiated else shape
+    return {it: shape[it] for it in shape if negotiated or it not in _AFTER_WELCOME}
 
 
 def vendor(name: str) -> str | None:

@@ -56,7 +56,7 @@ def pose(value: Json) -> Iterator[Judgement]:
     """What a pose shows of POS-1 to POS-4."""
     kind = value.get("type")
     shows = ["POS-1", *(["POS-2"] if isinstance(value.get("position"), dict) else [])]
-    yield from form(value, kind if kind in POSES else POSES[0], *shows, version="1.0")
+    yield from form(value, str(kind) if kind in POSES else POSES[0], *shows, version="1.0")
     rotation = value.get("rotation")
     if isinstance(rotation, dict) and set("xyzw") <= set(rotation):
         yield from unit_norm([rotation[name] for name in "xyzw"], "POS-3")
