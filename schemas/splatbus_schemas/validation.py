@@ -48,6 +48,8 @@ def _violation(error: ValidationError) -> Violation:
     keyword = str(error.validator)
     if keyword == "type":
         keyword = next(each for each in _types(error.schema) if each != "null")
+    if keyword == "not" and error.validator_value:
+        keyword = "pattern"
     return Violation(
         "".join(f"/{_escaped(str(step))}" for step in error.absolute_path),
         tuple(_ID.findall(error.schema.get("description", ""))),

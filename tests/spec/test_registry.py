@@ -17,7 +17,7 @@ ID = re.compile(r"\b[A-Z]{3}-\d+\b")
 
 
 FINAL = json.loads(Path(__file__).with_name("final.json").read_text("utf-8"))
-"""The digest of each chapter of the versions that are final, and of their requirements."""
+"""The digest of each chapter of the versions that are final, of their requirements and schemas."""
 
 
 def digest(path: Path) -> str:
@@ -77,7 +77,8 @@ def test_outcomes_are_those_that_the_introduction_defines(version: str) -> None:
 def test_what_is_final_never_changes_and_nothing_else_unannounced(version: str) -> None:
     current = prose.collect(version)
     if current["status"] == "final":
-        held = (*prose.chapters(version), prose.registry_path(version))
+        registry = prose.registry_path(version)
+        held = (*prose.chapters(version), registry, *registry.parent.glob("*.schema.json"))
         assert {it.name: digest(it) for it in held} == FINAL[version]
     else:
         assert version not in FINAL

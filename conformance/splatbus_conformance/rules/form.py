@@ -15,7 +15,8 @@ Json = dict[str, Any]
 CODES = {
     "required": "missing-member",
     **dict.fromkeys(("const", "enum", "contains", "anyOf"), "wrong-value"),
-    **dict.fromkeys(("number", "integer"), "not-a-number"),
+    "number": "not-a-number",
+    "integer": "not-an-integer",
     **dict.fromkeys(("minimum", "maximum", "exclusiveMinimum", "multipleOf"), "out-of-range"),
     **dict.fromkeys(("string", "minLength", "maxLength", "pattern"), "bad-string"),
     **dict.fromkeys(("array", "minItems", "maxItems"), "not-an-array"),

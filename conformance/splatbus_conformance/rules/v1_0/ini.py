@@ -52,7 +52,7 @@ def layout(value: Json) -> Iterator[Judgement]:
 def handle(value: object, pointer: str) -> Judgement:
     """INI-7, of one handle."""
     text = f"{show(value)} is no base64 of {LIMITS['handle_bytes']} bytes"
-    return Judgement("INI-7", None if is_handle(value) else Breach("not-a-handle", text), pointer)
+    return Judgement("INI-7", None if is_handle(value) else Breach("bad-string", text), pointer)
 
 
 def size(meta: object) -> tuple[int, int] | None:

@@ -132,7 +132,7 @@ def server_says_where_objects_were(patch: Patch) -> None:
     objects_told(patch, before)
 
 
-@mutant("OBJ-7", code="not-positive", through="OBJ-7")
+@mutant("OBJ-7", code="missing-member", through="OBJ-7")
 def server_tells_no_scale(patch: Patch) -> None:
     """Lists objects without their scale."""
     objects_told(

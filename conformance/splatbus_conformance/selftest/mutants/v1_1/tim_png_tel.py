@@ -124,7 +124,7 @@ def server_tells_telemetry_by_the_time_of_day(patch: Patch) -> None:
     telemetry(patch, lambda told: {"time": time.time()})
 
 
-@mutant("TEL-2", code="unknown-kind", through="TEL-2")
+@mutant("TEL-2", code="wrong-value", through="TEL-2")
 def server_tells_a_kind_of_its_own(patch: Patch) -> None:
     """Calls a scalar a number."""
 

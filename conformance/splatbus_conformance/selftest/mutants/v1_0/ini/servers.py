@@ -15,13 +15,13 @@ def server_names_no_format_of_depth(patch: Patch) -> None:
     _meta(patch, fmtDepth=None)
 
 
-@mutant("INI-2", code="out-of-range")
+@mutant("INI-2", code="not-an-integer")
 def server_announces_half_a_pixel(patch: Patch) -> None:
     """Announces a width that is no integer."""
     _meta(patch, w=64.5)
 
 
-@mutant("INI-3", code="wrong-format")
+@mutant("INI-3", code="wrong-value")
 def server_announces_half_floats(patch: Patch) -> None:
     """Announces another format of colour."""
     _meta(patch, fmtColor="RGBA16F")
@@ -33,7 +33,7 @@ def server_pads_its_rows(patch: Patch) -> None:
     _meta(patch, pitchColor=2048)
 
 
-@mutant("INI-5", code="wrong-offset")
+@mutant("INI-5", code="out-of-range")
 def server_announces_an_odd_offset(patch: Patch) -> None:
     """Announces colour at an offset that is no multiple of its pixels."""
     _meta(patch, offsetColor=8)
@@ -45,7 +45,7 @@ def server_announces_no_device(patch: Patch) -> None:
     _meta(patch, device=-1)
 
 
-@mutant("INI-7", code="not-a-handle")
+@mutant("INI-7", code="bad-string")
 def server_sends_a_short_handle(patch: Patch) -> None:
     """Sends handles of 63 bytes at once to every client."""
     short = init_packet_1_0()

@@ -13,25 +13,25 @@ from splatbus_conformance.selftest.mutant import mutant
 from splatbus_conformance.selftest.mutants.v1_1.neg.clients import without
 
 
-@mutant("REQ-1", code="wrong-type")
+@mutant("REQ-1", code="wrong-value")
 def types_in_camel_case(patch: Patch) -> None:
     """Writes the type of a request in camel case."""
     messages(patch, of_type("get_viewport_size", lambda it: it | {"type": "getViewportSize"}))
 
 
-@mutant("REQ-2", code="out-of-range", through="NEG-5")
+@mutant("REQ-2", code="not-an-integer", through="NEG-5")
 def camera_by_name(patch: Patch) -> None:
     """Asks for a camera by its name."""
     messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": "front"}))
 
 
-@mutant("REQ-2", code="out-of-range", through="NEG-5")
+@mutant("REQ-2", code="not-an-integer", through="NEG-5")
 def camera_index_with_a_fraction(patch: Patch) -> None:
     """Asks for camera 0.5."""
     messages(patch, of_type("get_camera_pose", lambda request: request | {"cam_idx": 0.5}))
 
 
-@mutant("REQ-2", code="out-of-range", through="NEG-5")
+@mutant("REQ-2", code="missing-member", through="NEG-5")
 def no_camera_index(patch: Patch) -> None:
     """Asks for a camera without saying which."""
     messages(patch, of_type("get_camera_pose", without("cam_idx")))

@@ -35,7 +35,7 @@ def server_tells_another_size(patch: Patch) -> None:
     _size(patch, lambda size: [2 * part for part in size])
 
 
-@mutant("REQ-5", code="not-an-array", through="REQ-7")
+@mutant("REQ-5", code="missing-member", through="REQ-7")
 def server_tells_no_rotation(patch: Patch) -> None:
     """Leaves the rotation out of its replies."""
     messages(patch, lambda it: {k: v for k, v in it.items() if k != "rotation"})

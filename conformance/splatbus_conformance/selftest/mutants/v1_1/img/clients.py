@@ -96,14 +96,14 @@ def reads_slots_that_do_not_exist(patch: Patch) -> None:
     client.TAKES_FRAME.wrap(patch, on_frame)
 
 
-@mutant("IMG-19", code="wrong-channels")
+@mutant("IMG-19", code="not-an-array")
 def subscribes_to_one_channel_as_a_string(patch: Patch) -> None:
     """Names one channel instead of an array of them."""
     subscribes(patch, "color", "depth")
     messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": "color"}))
 
 
-@mutant("IMG-19", code="wrong-channels")
+@mutant("IMG-19", code="not-an-array")
 def subscribes_to_nothing(patch: Patch) -> None:
     """Subscribes to no channel at all."""
     subscribes(patch)

@@ -20,7 +20,7 @@ FURTHEST = 1_000_000
 RESTS = "check_publishes_what_changed_only"
 
 
-@mutant("IMG-1", code="not-positive")
+@mutant("IMG-1", code="missing-member")
 def server_tells_no_focal_length(patch: Patch) -> None:
     """Leaves an intrinsic out of the camera of a frame."""
 

@@ -31,13 +31,13 @@ def announces(patch: Patch, **changes: Any) -> None:
     messages(patch, changed)
 
 
-@mutant("MEM-1", code="out-of-range")
+@mutant("MEM-1", code="missing-member")
 def server_counts_no_generations(patch: Patch) -> None:
     """Leaves the generation out of the init packet."""
     messages(patch, without("generation"))
 
 
-@mutant("MEM-1", code="wrong-version")
+@mutant("MEM-1", code="bad-string")
 def server_announces_version_1_0(patch: Patch) -> None:
     """Names 1.0 in the init packet of 1.1."""
     announces(patch, version="1.0")
@@ -49,7 +49,7 @@ def server_announces_version_1_2(patch: Patch) -> None:
     announces(patch, version="1.2")
 
 
-@mutant("MEM-2", code="not-a-name")
+@mutant("MEM-2", code="bad-string")
 def server_names_a_path(patch: Patch) -> None:
     """Announces where the memory lies, not what it is called."""
     announces(patch, memory={"name": "/dev/shm/splatbus"})
@@ -73,7 +73,7 @@ def server_counts_slots_from_zero(patch: Patch) -> None:
     announces(patch, ring={"slots": 0})
 
 
-@mutant("MEM-8", code="misaligned")
+@mutant("MEM-8", code="out-of-range")
 def server_has_odd_strides(patch: Patch) -> None:
     """Announces a stride that no 16 bytes fit into."""
     announces(patch, ring={"colorStride": 16 * 64 * 48 + 4})
@@ -97,13 +97,13 @@ def server_does_not_say_what_it_means(patch: Patch) -> None:
     messages(patch, without("semantics"))
 
 
-@mutant("MEM-12", code="unknown-value")
+@mutant("MEM-12", code="wrong-value")
 def server_has_an_alpha_of_its_own(patch: Patch) -> None:
     """Announces a kind of alpha that is not in the table."""
     announces(patch, semantics={"alpha": "inverted"})
 
 
-@mutant("MEM-12", code="out-of-range")
+@mutant("MEM-12", code="wrong-value")
 def server_has_an_empty_depth_that_no_pixel_holds(patch: Patch) -> None:
     """Announces an empty depth that single precision rounds to infinity."""
     depth = {"kind": "planar_z", "estimator": "expected", "empty": 1e39}

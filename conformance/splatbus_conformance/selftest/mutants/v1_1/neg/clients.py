@@ -45,7 +45,7 @@ def hello_without_client(patch: Patch) -> None:
     messages(patch, of_type("hello", without("client")))
 
 
-@mutant("NEG-2", code="not-a-version", through="CHN-17")
+@mutant("NEG-2", code="bad-string", through="CHN-17")
 def version_as_a_number(patch: Patch) -> None:
     """Lists its versions as numbers."""
     messages(patch, of_type("hello", lambda hello: hello | {"versions": [1.1, 1.0]}))

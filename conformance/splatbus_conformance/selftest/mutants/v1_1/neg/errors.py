@@ -41,13 +41,13 @@ def server_reports_before_hello(patch: Patch) -> None:
     reports_to_all(patch)
 
 
-@mutant("NEG-23", code="unknown-code", through="NEG-26")
+@mutant("NEG-23", code="wrong-value", through="NEG-26")
 def server_has_codes_of_its_own(patch: Patch) -> None:
     """Makes up a code."""
     messages(patch, of_type("error", lambda error: error | {"code": "bad_" + error["code"]}))
 
 
-@mutant("NEG-23", code="not-a-pointer", through="NEG-26")
+@mutant("NEG-23", code="bad-string", through="NEG-26")
 def server_points_without_a_slash(patch: Patch) -> None:
     """Writes pointers without the slash before them."""
     messages(patch, of_type("error", lambda error: error | {"pointer": "rotation"}))

@@ -92,19 +92,19 @@ def objects_of_no_size(patch: Patch) -> None:
     _broken(patch, "object_pose", scale=0.0)
 
 
-@mutant("OBJ-1", code="bad-string")
+@mutant("OBJ-1", code="missing-member")
 def poses_of_no_object(patch: Patch) -> None:
     """Does not say which object it moves."""
     _without(patch, "object_pose", "object")
 
 
-@mutant("SCN-1", code="wrong-type")
+@mutant("SCN-1", code="wrong-value")
 def asks_for_scenes_in_camel_case(patch: Patch) -> None:
     """Writes the type of its request for the scene otherwise."""
     _broken(patch, "get_scene", type="getScene")
 
 
-@mutant("VPT-1", code="out-of-range")
+@mutant("VPT-1", code="not-an-integer")
 def half_a_pixel(patch: Patch) -> None:
     """Asks for images of 32½ columns."""
     _broken(patch, "set_viewport", width=32.5)
@@ -135,13 +135,13 @@ def no_time_in_particular(patch: Patch) -> None:
     _broken(patch, "set_time", time=None)
 
 
-@mutant("PNG-1", code="not-a-number")
+@mutant("PNG-1", code="missing-member")
 def pings_without_a_time(patch: Patch) -> None:
     """Does not say when it sends a ping."""
     _without(patch, "ping", "t")
 
 
-@mutant("TEL-1", code="wrong-names")
+@mutant("TEL-1", code="not-an-array")
 def subscribes_to_all_by_name(patch: Patch) -> None:
     """Subscribes to all series with a word instead of null."""
     _broken(patch, "subscribe_telemetry", names="all")

@@ -215,7 +215,7 @@ def server_keeps_whom_it_does_not_understand(patch: Patch) -> None:
     stays(patch, "unsupported_version")
 
 
-@mutant("NEG-10", code="not-a-version", through="NEG-10")
+@mutant("NEG-10", code="bad-string", through="NEG-10")
 def server_supports_what_is_no_version(patch: Patch) -> None:
     """Names its versions with a letter before them."""
 

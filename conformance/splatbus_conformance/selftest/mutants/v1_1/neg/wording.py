@@ -152,7 +152,7 @@ def server_obeys_closed_on_the_message_channel(patch: Patch) -> None:
     server.UNDERSTANDS.wrap(patch, understand)
 
 
-@mutant("NEG-23", code="not-a-pointer", through="NEG-26")
+@mutant("NEG-23", code="bad-string", through="NEG-26")
 def server_escapes_no_pointers(patch: Patch) -> None:
     """Writes names into pointers as they are."""
     for module in (json_text, fields):
