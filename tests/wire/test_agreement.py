@@ -9,7 +9,8 @@ from operator import getitem
 from typing import Any
 
 import pytest
-from splatbus_schemas import examples, names, schema
+from jsonschema_rs import Draft202012Validator, Registry
+from splatbus_schemas import VERSIONS, examples, names, schema
 from splatbus_schemas.validation import violations
 from splatbus_wire.errors import ProtocolError
 
@@ -18,6 +19,11 @@ from tests.wire.test_examples import decode_example
 # A client bears an error that breaks a rule (NEG-24).
 NAMES = sorted(set(names("1.1")) - {"error"})
 UNTYPED_REPLIES = ("camera", "viewport_size")
+CONSTRAINTS = (
+    *("type", "const", "enum", "required", "minimum", "maximum", "exclusiveMinimum"),
+    *("exclusiveMaximum", "multipleOf", "minLength", "maxLength", "pattern", "minItems"),
+    *("maxItems", "uniqueItems", "contains", "not", "anyOf"),
+)
 KINDS = ("scalar", "histogram", "text")
 UNKNOWN_TYPES = {"NEG-9", "INI-11"}
 ABSENT = object()
@@ -87,10 +93,14 @@ def damaged(message: Any) -> Iterator[Any]:
             yield copy
 
 
+def damaged_examples(name: str) -> Iterator[Any]:
+    valid = [example.message for example in examples(name, "1.1")[0]]
+    return chain.from_iterable(map(damaged, covering(valid)))
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_wire_refuses_what_a_schema_refuses_and_hardly_more(name: str) -> None:
-    valid = [example.message for example in examples(name, "1.1")[0]]
-    for message in chain.from_iterable(map(damaged, covering(valid))):
+    for message in damaged_examples(name):
         if name == "init_packet" and message.get("version") not in ("1.1", "1.2"):
             continue  # it is one of 1.0, or of a version that is not known
         requirement, violated = refused_for(name, message), violations(message, name, "1.1")
@@ -99,3 +109,36 @@ def test_the_wire_refuses_what_a_schema_refuses_and_hardly_more(name: str) -> No
         else:
             named = {each for violation in violated for each in violation.requirements}
             assert requirement in named | left_to_other_checks(name) | UNKNOWN_TYPES, message
+
+
+def loosened(whole: Any) -> Iterator[tuple[str, Any]]:
+    """A schema without one of its constraints, each in its turn, and which that is."""
+    for way in [(), *places(whole)]:
+        node = reduce(getitem, way, whole)
+        if isinstance(node, dict) and way[-1:] != ("properties",) and "if" not in way:
+            for each in CONSTRAINTS:
+                if each in node:
+                    copy = json.loads(json.dumps(whole))
+                    del reduce(getitem, way, copy)[each]
+                    yield "/".join(map(str, (*way, each))), copy
+
+
+def takes(whole: Any) -> Any:
+    """Whether a message breaks nothing of a schema, which stands for the one of its name."""
+    loaded = [schema(name, version) for version in (None, *VERSIONS) for name in names(version)]
+    known = [(it["$id"], whole if it["$id"] == whole["$id"] else it) for it in loaded]
+    return Draft202012Validator(whole, registry=Registry(known)).is_valid
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_wire_holds_each_constraint_that_a_schema_could_lose(name: str) -> None:
+    """The schemas judge and exemplify; the wire was written by hand from the prose."""
+    invalid = [example.message for example in examples(name, "1.1")[1]]
+    messages = [it for it in (*invalid, *damaged_examples(name)) if isinstance(it, dict)]
+    right = takes(schema(name, "1.1"))
+    refused = {place: refused_for(name, it) for place, it in enumerate(messages) if not right(it)}
+    for lost, looser in loosened(schema(name, "1.1")):
+        takes_it = takes(looser)
+        taken = [place for place in refused if takes_it(messages[place])]
+        borne = lost == "required" and name in UNTYPED_REPLIES
+        assert not taken or borne or any(map(refused.get, taken)), lost
