@@ -25,6 +25,8 @@ CODES = {
     "not": "stray-member",
 }
 """The code of a breach, by what of the schema is broken."""
+OF_NUMBERS = ("not-a-number", "not-an-integer", "out-of-range")
+"""Of a number that is not finite JSN-4 says what is wrong with it."""
 
 
 def form(value: Json, kind: str, *requirements: str, version: str = "1.1") -> Iterator[Judgement]:
@@ -33,9 +35,11 @@ def form(value: Json, kind: str, *requirements: str, version: str = "1.1") -> It
     if _is_sound(value, kind, version):
         return
     for pointer, named, problem, keyword, found in violations(value, kind, version):
-        for name in requirements if not unspeakable(found) else ():
+        code = CODES[keyword]
+        spoken = not unspeakable(found) or not (code in OF_NUMBERS or keyword == "anyOf")
+        for name in requirements if spoken else ():
             if name in named:
-                yield Judgement(name, Breach(CODES[keyword], problem), pointer)
+                yield Judgement(name, Breach(code, problem), pointer)
 
 
 def greeting(value: Json) -> Iterator[Judgement]:

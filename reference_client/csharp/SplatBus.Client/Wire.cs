@@ -427,7 +427,7 @@ namespace SplatBus
         public double Near { get; set; }
         /// <summary><c>far</c>: Clipping plane in scene units [IMG-1]; more than 0.</summary>
         public double Far { get; set; }
-        /// <summary><c>tag</c>: That of the camera_pose which the image was rendered with [CAM-3, CAM-1]; 1 to 64 characters (max_tag_chars).</summary>
+        /// <summary><c>tag</c>: That of the camera_pose which the image was rendered with [IMG-1, CAM-3, CAM-1]; 1 to 64 characters (max_tag_chars).</summary>
         public string Tag { get; set; }
     }
 

@@ -197,8 +197,7 @@ def size_told(answer: Message) -> tuple[int, int] | None:
     """The size that a reply tells, if it does."""
     if answer.value is None or any(j.breach for j in viewport_size(answer.value)):
         return None
-    told = [whole(part) for part in answer.value["viewport_size"]]
-    width, height = told
+    width, height = (whole(part) for part in answer.value["viewport_size"])
     return None if width is None or height is None else (width, height)
 
 

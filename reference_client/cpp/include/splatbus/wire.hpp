@@ -421,7 +421,7 @@ struct FrameCamera {
   /// More than 0.
   /// `far` on the wire.
   double far_{};
-  /// That of the camera_pose which the image was rendered with [CAM-3, CAM-1].
+  /// That of the camera_pose which the image was rendered with [IMG-1, CAM-3, CAM-1].
   /// 1 to 64 characters (max_tag_chars).
   std::optional<std::string> tag{};
 };
