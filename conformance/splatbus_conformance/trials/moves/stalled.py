@@ -11,9 +11,9 @@ from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import HEADER, packet
 from splatbus_conformance.wire.sockets import TICK_SECONDS, Connection
 
-PORTION = 1 << 16
+PORTION = 1 << 14
 """Bytes of replies that are asked for at a time."""
-ENOUGH = 2 * PORTION
+ENOUGH = PORTION
 MOST_UNSHOWN = LIMITS["max_unsent_bytes"] - 2 * PORTION
 """Of which a server may keep all (LIM-2), where the system does not show what it keeps."""
 IDLE_TICKS = 3
@@ -38,6 +38,9 @@ class Stalled:
     """Bytes of replies that waited in the server, which may keep more; None if it is not shown."""
     moved: float = field(default_factory=time.monotonic)
     """When TCP last took something of the replies, or earlier."""
+    looked: float = field(default_factory=time.monotonic)
+    written: int = 0
+    """The most bytes of replies that were seen in the systems of both ends."""
 
     @property
     def asked(self) -> int:
@@ -53,15 +56,13 @@ class Stalled:
 
     def look(self) -> None:
         """See what waits once nothing has moved for a while."""
-        looked, before, idle = time.monotonic(), self._shown(), 0
+        before, idle = self._shown(), 0
         for _ in range(MOST_TICKS):
             if before is None or idle == IDLE_TICKS:
                 break
             _look_away(self.trial)
             now = self._shown()
-            if now and now[1] != before[1]:
-                self.moved = looked
-            looked, before, idle = time.monotonic(), now, idle + 1 if now == before else 0
+            before, idle = now, idle + 1 if now == before else 0
         self.waits = before and before[0] // len(self.request) * self.reply - before[1]
 
     def _shown(self) -> tuple[int, int] | None:
@@ -70,7 +71,11 @@ class Stalled:
         server, client = os_evidence.queues(theirs, mine), os_evidence.queues(mine, theirs)
         if server is None or client is None:
             return None
-        return self.sent - client.unsent - server.unread, server.unsent + client.unread
+        written = server.unsent + client.unread
+        if written > self.written:  # what is on its way counts at both ends for a moment
+            self.moved, self.written = self.looked, written
+        self.looked = time.monotonic()
+        return self.sent - client.unsent - server.unread, written
 
     def pour(self, most: int) -> bool:
         """Send so many bytes of requests; whether TCP took them all, while nothing is read."""
