@@ -85,30 +85,6 @@ def test_with_a_welcome_to_1_0_nothing_of_1_1_is_agreed() -> None:
     assert breaches(tagged) == {("client", "NEG-5"): 1}
 
 
-@pytest.mark.parametrize(
-    ("pointer", "value"),
-    [
-        ("/version", ...),
-        ("/version", 1.1),
-        ("/version", "01.1"),
-        ("/server", ...),
-        ("/server", "example"),
-        ("/server/name", ...),
-        ("/server/version", 0.1),
-        ("/capabilities", ...),
-        ("/capabilities", None),
-        ("/capabilities", "frames"),
-        ("/capabilities", [1]),
-        ("/capabilities", ["frames", "frames"]),
-    ],
-)
-def test_neg_30_covers_every_member(pointer: str, value: Any) -> None:
-    wrong = changed(welcome("frames"), pointer, value)
-    broken = talk("ipc", client(hello("frames")), server(wrong))
-    assert breaches(broken) == {("server", "NEG-30"): 1}
-    assert first_breach(broken).pointer.startswith(pointer)
-
-
 def test_a_reply_or_host_memory_before_welcome_breaks_neg_6() -> None:
     overtaken = msg(client(hello()), client(ASK_SIZE), server(TYPED_SIZE), server(welcome()))
     assert breaches(overtaken) == {("server", "NEG-6"): 1}
