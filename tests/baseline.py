@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from tests.long import AXES, PAIR, PROFILES, REPORT, ROOT, judging
+from tests.long import PAIR, PROFILES, REPORT, ROOT, judging_own
 
 STORED = ROOT / "tests" / "results" / "baseline.json"
 RECORDED = ("recordings/*.jsonl", "captures/*.pcap*")
@@ -30,6 +30,8 @@ def main() -> int:
     parser.add_argument("--store", action="store_true", help="keep what it says now")
     parser.add_argument("--profile", choices=PROFILES, nargs="+", default=PROFILES)
     options = parser.parse_args()
+    if not (options.store or STORED.is_file()):
+        parser.error("nothing is stored to compare with: --store keeps what it says now")
     said = dict(sorted((*audits(), *runs(options.profile))))
     if options.store:
         STORED.write_text(json.dumps(said, indent=1, ensure_ascii=False) + "\n", "utf-8")
@@ -60,10 +62,8 @@ def runs(profiles: Sequence[str]) -> Iterator[tuple[str, Said]]:
 
 def run(name: str, profile: str, seed: int) -> tuple[str, Said]:
     """One of them."""
-    side, how, module, environment = PAIR[name]
-    command = f'"{sys.executable}" -m {module.format(AXES[seed % len(AXES)])}'
     with tempfile.TemporaryDirectory() as folder:
-        judging(side, how, command, environment, profile, seed, Path(folder))
+        judging_own(name, profile, seed, Path(folder))
         report = json.loads(Path(folder, REPORT).read_text("utf-8"))
     return f"{name}, {profile}, seed {seed}", summary(report, "code")
 

@@ -175,20 +175,29 @@ def engine(language: str, program_and_axes: str, profile: str, seed: int, scratc
     command = shlex.join([*built(language, program, scratch), *axes])
     how = "--adapter" if axes else "--launch"
     words = (ASKS_FOR_IT,) if language == "cpp" else ()
-    return {"wrong": judged("client", how, command, {}, profile, seed, scratch, *words)["wrong"]}
+    ended = judging("client", how, command, {}, profile, seed, scratch, *words)
+    return {"wrong": outcome(ended, scratch)["wrong"]}
 
 
 def blender(version: str, profile: str, seed: int, scratch: Path) -> Outcome:
     """Judge the extension for Blender: anything but a run that conforms is wrong."""
     how, command, *words = adapter(installed(version), scratch)
-    return {"wrong": judged("client", how, command, {}, profile, seed, scratch, *words)["wrong"]}
+    ended = judging("client", how, command, {}, profile, seed, scratch, *words)
+    return {"wrong": outcome(ended, scratch)["wrong"]}
 
 
 def own(name: str, profile: str, seed: int, scratch: Path) -> Outcome:
     """Judge one of the pair: anything but a run that conforms is wrong."""
+    return outcome(judging_own(name, profile, seed, scratch), scratch)
+
+
+def judging_own(
+    name: str, profile: str, seed: int, scratch: Path
+) -> subprocess.CompletedProcess[str]:
+    """Have the harness judge one of the pair."""
     side, how, module, environment = PAIR[name]
     command = f'"{sys.executable}" -m {module.format(AXES[seed % len(AXES)])}'
-    return judged(side, how, command, environment, profile, seed, scratch)
+    return judging(side, how, command, environment, profile, seed, scratch)
 
 
 def judging(
@@ -217,18 +226,8 @@ def judging(
     )
 
 
-def judged(
-    side: str,
-    how: str,
-    command: str,
-    environment: dict[str, str],
-    profile: str,
-    seed: int,
-    scratch: Path,
-    *words: str,
-) -> Outcome:
+def outcome(ended: subprocess.CompletedProcess[str], scratch: Path) -> Outcome:
     """What is wrong with a program that has to conform, and which verdicts are no passes."""
-    ended = judging(side, how, command, environment, profile, seed, scratch, *words)
     report = scratch / REPORT
     if not report.is_file():
         return {"wrong": [f"no report was written: {ended.stdout[-400:]}"]}

@@ -20,7 +20,7 @@ from splatbus_schemas.requirements import Requirement, requirements
 
 from splatbus_conformance.reports.claim import claim
 from splatbus_conformance.reports.run_report import RunReport
-from splatbus_conformance.reports.triage import cause, in_order
+from splatbus_conformance.reports.triage import cause, in_order, start_with
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import (
     EXIT_CONFORMING,
@@ -204,9 +204,11 @@ def print_failures(
     In the order in which to look at them; the bytes of the first few only.
     """
     results = list(results)
-    known_cause = cause(results)
+    root = cause(results)
     for place, result in enumerate(in_order(results)):
-        follows = known_cause is not None and result.requirement in known_cause.others
+        follows = (
+            f"  may follow from {root.first}" if root and result.requirement in root.others else ""
+        )
         style = STYLE[result.verdict]
         how = "in what it sent" if result.check == RULE else words(result.check)
         console.print()
@@ -214,10 +216,7 @@ def print_failures(
             Text.assemble(
                 *((result.verdict.upper(), style), " ", (result.requirement, "bold"), f"  {how} "),
                 (f"({', '.join(filter(None, (result.level, result.code)))})", "dim"),
-                (
-                    f"  may follow from {known_cause.first}" if known_cause and follows else "",
-                    "dim",
-                ),
+                (follows, "dim"),
             )
         )
         if requirement := known.get(result.requirement):
@@ -273,7 +272,7 @@ def print_what_next(
     closer.
     """
     results = list(results)
-    for text in (*advice, *([str(it)] if (it := cause(results)) else [])):
+    for text in filter(None, (*advice, start_with(results))):
         for line in text.splitlines():
             _print_hanging(console, " " * (len(line) - len(line.lstrip())), line.strip(), "bold")
         console.print()

@@ -80,6 +80,11 @@ def cause(results: Sequence[Result]) -> Cause | None:
     return Cause(first, above, f"{LAYERS[rank][1]}; {', and '.join(follow)}")
 
 
+def start_with(results: Sequence[Result]) -> str:
+    """The same as a sentence; nothing if there is no such reason."""
+    return str(cause(results) or "")
+
+
 def _broken(results: Iterable[Result]) -> list[Result]:
     return sorted((it for it in results if it.verdict in _SEVEREST), key=_place)
 

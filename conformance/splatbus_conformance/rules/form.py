@@ -17,7 +17,8 @@ CODES = {
     **dict.fromkeys(("const", "enum", "contains", "anyOf"), "wrong-value"),
     "number": "not-a-number",
     "integer": "not-an-integer",
-    **dict.fromkeys(("minimum", "maximum", "exclusiveMinimum", "multipleOf"), "out-of-range"),
+    **dict.fromkeys(("minimum", "maximum", "multipleOf"), "out-of-range"),
+    **dict.fromkeys(("exclusiveMinimum", "exclusiveMaximum"), "out-of-range"),
     **dict.fromkeys(("string", "minLength", "maxLength", "pattern"), "bad-string"),
     **dict.fromkeys(("array", "minItems", "maxItems"), "not-an-array"),
     "object": "not-an-object",
@@ -25,8 +26,11 @@ CODES = {
     "not": "stray-member",
 }
 """The code of a breach, by what of the schema is broken."""
-OF_NUMBERS = ("not-a-number", "not-an-integer", "out-of-range")
-"""Of a number that is not finite JSN-4 says what is wrong with it."""
+OF_NUMBERS = (
+    *("number", "integer", "minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"),
+    *("multipleOf", "anyOf"),
+)
+"""What a number that is not finite does not break: JSN-4 says what is wrong with it."""
 
 
 def form(value: Json, kind: str, *requirements: str, version: str = "1.1") -> Iterator[Judgement]:
@@ -35,11 +39,11 @@ def form(value: Json, kind: str, *requirements: str, version: str = "1.1") -> It
     if _is_sound(value, kind, version):
         return
     for pointer, named, problem, keyword, found in violations(value, kind, version):
-        code = CODES[keyword]
-        spoken = not unspeakable(found) or not (code in OF_NUMBERS or keyword == "anyOf")
-        for name in requirements if spoken else ():
+        if unspeakable(found) and keyword in OF_NUMBERS:
+            continue
+        for name in requirements:
             if name in named:
-                yield Judgement(name, Breach(code, problem), pointer)
+                yield Judgement(name, Breach(CODES[keyword], problem), pointer)
 
 
 def greeting(value: Json) -> Iterator[Judgement]:
@@ -57,17 +61,23 @@ def _is_sound(value: Json, kind: str, version: str) -> bool:
 
 @cache
 def _validator(kind: str, version: str) -> Any:
-    from jsonschema_rs import Draft202012Validator, Registry
+    from jsonschema_rs import Draft202012Validator
+
+    return Draft202012Validator(schema(kind, version), registry=_registry())
+
+
+@cache
+def _registry() -> Any:
+    from jsonschema_rs import Registry
 
     loaded = [schema(name, of) for of in (None, *VERSIONS) for name in names(of)]
-    registry = Registry([(each["$id"], each) for each in loaded])
-    return Draft202012Validator(schema(kind, version), registry=registry)
+    return Registry([(each["$id"], each) for each in loaded])
 
 
 def each_once(items: list[Any], name: str, requirement: str, pointer: str) -> Iterator[Judgement]:
     """Whether the objects of an array differ in a member, where that is a string."""
-    names = [item.get(name) for item in items if isinstance(item, dict)]
-    for each, times in Counter(each for each in names if isinstance(each, str)).items():
+    told = (item.get(name) for item in items if isinstance(item, dict))
+    for each, times in Counter(each for each in told if isinstance(each, str)).items():
         if times > 1:
             text = f"{name} {show(each)} is there {times} times"
             yield Judgement(requirement, Breach("not-unique", text), pointer)

@@ -1,15 +1,10 @@
 """The order in which to look at failures, and when it is honest to say that others follow."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
-from splatbus_conformance.reports.triage import cause, in_order
+from splatbus_conformance.reports.triage import in_order, start_with
 from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import Level, Result, Verdict
-
-
-def start_with(results: Sequence[Result]) -> str:
-    return str(cause(results) or "")
 
 
 def sent(requirement: str, verdict: Verdict = Verdict.FAIL) -> Result:

@@ -12,7 +12,7 @@ from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.claim import claim
 from splatbus_conformance.reports.run_report import RunReport
 from splatbus_conformance.reports.thresholds import observed
-from splatbus_conformance.reports.triage import cause
+from splatbus_conformance.reports.triage import start_with
 from splatbus_conformance.verdicts import Result, by_requirement, reached, worst
 from splatbus_conformance.wire.secrets import hidden_in
 
@@ -42,7 +42,7 @@ def json_report(report: RunReport) -> dict[str, Any]:
         "profile": report.profile,
         "seeds": list(report.seeds),
         "complaints": list(report.complaints),
-        "advice": [*traffic.advice, *([str(it)] if (it := cause(report.results)) else [])],
+        "advice": [*traffic.advice, *filter(None, [start_with(report.results)])],
         "notJudged": list(report.not_judged),
         "environment": {
             "harness": installed_version(),

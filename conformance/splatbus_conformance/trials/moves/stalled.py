@@ -48,6 +48,11 @@ class Stalled:
         return self.sent // len(self.request)
 
     @property
+    def owed(self) -> int:
+        """Bytes of replies that the server has not given to TCP, as far as was seen."""
+        return self.asked * self.reply - self.written
+
+    @property
     def extent(self) -> str:
         """How many requests it took until replies waited in the server, if they did."""
         if self.waits is None:
