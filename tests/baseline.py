@@ -47,8 +47,8 @@ def audits() -> Iterator[tuple[str, Said]]:
     data = ROOT / "tests" / "data"
     for path in sorted(itertools.chain(*map(data.glob, RECORDED))):
         with tempfile.TemporaryDirectory() as folder:
-            line = [sys.executable, "-m", "splatbus_conformance", "--plain", "audit", path]
-            subprocess.run([*line, "--json", Path(folder, REPORT)], capture_output=True)
+            line = [sys.executable, "-m", "splatbus_conformance", "--plain", "audit", str(path)]
+            subprocess.run([*line, "--json", str(Path(folder, REPORT))], capture_output=True)
             for each in json.loads(Path(folder, REPORT).read_text("utf-8")):
                 yield f"audit of {path.name}, {each['side']}", summary(each, "text")
 
