@@ -106,7 +106,7 @@ def check_who_stops_reading_is_closed(trial: ServerTrial) -> None:
     outcome = flood(trial, stands.connection, stands.request, 0, 0.0, stands.sent)
     if outcome == "hangs":
         stands.look()
-        if stands.waits is None or stands.owed <= 0:
+        if stands.owed is None or stands.owed <= 0:
             trial.not_observable("nothing shows that replies wait in the server")
     trial.judge(outcome, f"a client that reads nothing to whom {stands.owed} bytes are owed")
     trial.delivered += 1

@@ -16,6 +16,8 @@ PORTION = 1 << 14
 ENOUGH = PORTION
 MOST_UNSHOWN = LIMITS["max_unsent_bytes"] - 2 * PORTION
 """Of which a server may keep all (LIM-2), where the system does not show what it keeps."""
+ON_ITS_WAY = 1 << 13
+"""Bytes that may count at both ends for a moment: by less, what was written has not grown."""
 IDLE_TICKS = 3
 """In which nothing moves: what is not answered yet does not wait yet."""
 MOST_TICKS = 500
@@ -36,21 +38,18 @@ class Stalled:
     """Bytes of requests that went out and are not answered yet; the last may be incomplete."""
     waits: int | None = 0
     """Bytes of replies that waited in the server, which may keep more; None if it is not shown."""
+    owed: int | None = 0
+    """Bytes of replies that the server had not given to TCP, also of what it has not taken."""
     moved: float = field(default_factory=time.monotonic)
     """When TCP last took something of the replies, or earlier."""
-    looked: float = field(default_factory=time.monotonic)
-    written: int = 0
-    """The most bytes of replies that were seen in the systems of both ends."""
+    _looked: float = field(default_factory=time.monotonic)
+    _written: int = 0
+    """Bytes of replies that were seen in the systems of both ends when they had grown."""
 
     @property
     def asked(self) -> int:
         """Requests that went out whole."""
         return self.sent // len(self.request)
-
-    @property
-    def owed(self) -> int:
-        """Bytes of replies that the server has not given to TCP, as far as was seen."""
-        return self.asked * self.reply - self.written
 
     @property
     def extent(self) -> str:
@@ -69,6 +68,7 @@ class Stalled:
             now = self._shown()
             before, idle = now, idle + 1 if now == before else 0
         self.waits = before and before[0] // len(self.request) * self.reply - before[1]
+        self.owed = before and self.asked * self.reply - before[1]
 
     def _shown(self) -> tuple[int, int] | None:
         """Bytes of requests that the server has taken from TCP, and of replies given to it."""
@@ -77,9 +77,9 @@ class Stalled:
         if server is None or client is None:
             return None
         written = server.unsent + client.unread
-        if written > self.written:  # what is on its way counts at both ends for a moment
-            self.moved, self.written = self.looked, written
-        self.looked = time.monotonic()
+        if written > self._written + ON_ITS_WAY:
+            self.moved, self._written = self._looked, written
+        self._looked = time.monotonic()
         return self.sent - client.unsent - server.unread, written
 
     def pour(self, most: int) -> bool:
