@@ -10,7 +10,7 @@ def main() -> int:
         sys.exit(f"Python 3.11 or newer is needed, and this is {sys.version.split()[0]}")
     needs = (
         *("hypothesis", "jinja2", "jsonschema", "jsonschema_rs"),
-        *("markupsafe", "PIL", "pytest", "rich"),
+        *("markupsafe", "PIL", "rich"),
     )
     missing = [name for name in needs if importlib.util.find_spec(name) is None]
     if missing:

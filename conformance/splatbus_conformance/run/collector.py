@@ -1,15 +1,13 @@
-"""The pytest plugin that listens to reports, wherever the checks run, and gathers what they say."""
+"""Gathers what checks come to, wherever they run."""
 
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
-
-import pytest
+from typing import Protocol
 
 from splatbus_conformance.checks import Check
 from splatbus_conformance.reports.findings import Findings
-from splatbus_conformance.run.plugin import RESULT, TRAFFIC
+from splatbus_conformance.run.checker import Told
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 
@@ -30,7 +28,7 @@ class Progress(Protocol):
 
 
 class Collector:
-    """Handed to `pytest.main`; puts all results into findings."""
+    """Puts all results into findings, and tells of the progress."""
 
     def __init__(
         self,
@@ -44,41 +42,23 @@ class Collector:
         """How long checks took once."""
         self.names: list[str] = []
         """Of the checks that have to run."""
-        self.uncollected = ""
-        """Why checks could not even be found."""
         self._told: set[str] = set()
         """Names of those that have a result."""
-
-    def pytest_collection_finish(self, session: pytest.Session) -> None:
-        """The checks run in this process, and these are they."""
-        self.begin([_name(item.nodeid) for item in session.items])
-
-    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """A module of checks was read."""
-        if report.failed:
-            self.uncollected = str(report.longrepr)
-
-    def pytest_runtest_logstart(self, nodeid: str) -> None:
-        """A check begins."""
-        name = _name(nodeid)
-        self.progress.start(name, self.checks[name].requirement)
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """A check has come to its end, or its process has."""
-        name: str = _name(report.nodeid)
-        properties: dict[str, Any] = dict(report.user_properties)
-        if RESULT in properties:
-            self._put(*properties[RESULT])
-        elif report.failed:
-            self.note(name, str(report.longrepr))
-        if TRAFFIC in properties:
-            self.findings.traffic.add(properties[TRAFFIC])
 
     def begin(self, names: Sequence[str]) -> None:
         """These checks have to run."""
         self.names = list(names)
         usual = statistics.median(self.seconds.values())
         self.progress.begin({name: self.seconds.get(name, usual) for name in names})
+
+    def start(self, name: str) -> None:
+        """A check begins."""
+        self.progress.start(name, self.checks[name].requirement)
+
+    def take(self, told: Told) -> None:
+        """A check has come to its end."""
+        self._put(told.place, told.result)
+        self.findings.traffic.add(told.traffic)
 
     def note(self, name: str, why: str) -> None:
         """A check has come to no result."""
@@ -109,7 +89,3 @@ class Collector:
     def _error(self, name: str, text: str) -> Result:
         check = self.checks[name]
         return Result(check.requirement, name, Level(check.level), Verdict.ERROR, text)
-
-
-def _name(nodeid: str) -> str:
-    return nodeid.rpartition("::")[2]

@@ -8,7 +8,7 @@ from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.reports.expected_failures import Expectation
 from splatbus_conformance.reports.files import Files
 from splatbus_conformance.reports.thresholds import Thresholds
-from splatbus_conformance.run.plugin import selectable
+from splatbus_conformance.run.checker import selectable
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.wire.secrets import hidden
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-import pytest
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.cases.script import Case, Script, ScriptError, flat, rows
@@ -14,7 +13,7 @@ from splatbus_conformance.cases.shrinking import simplest, smallest
 from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.rules import LOST, Breach, Sighting, guilty, sightings
 from splatbus_conformance.run.testbed import Testbed
-from splatbus_conformance.trials.trial import SETTLE_SECONDS, Trial, Violation
+from splatbus_conformance.trials.trial import SETTLE_SECONDS, NotObservable, Trial, Violation
 from splatbus_conformance.wire.transcript import excerpt
 
 CONFIRMATIONS = 2
@@ -57,7 +56,7 @@ def replay(testbed: Testbed, script: Script) -> Replay:
         check.play(trial)
     except Violation as violation:
         broken = Breach(violation.code, str(violation))
-    except pytest.skip.Exception as skip:
+    except NotObservable as skip:
         skipped = str(skip)
     trial.rest(SETTLE_SECONDS)
     if script.requirement != check.requirement and not script.by_rule:

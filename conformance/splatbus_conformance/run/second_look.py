@@ -13,8 +13,6 @@ class SecondLook:
 
     def __init__(self, testee: Testee) -> None:
         self.testee = testee
-        self.why = ""
-        """What was not shown at the first look, if there is to be a second, or it goes on."""
         self._started = 0.0
         self._in_vain: set[str] = set()
         """The reasons that a fresh testee did not take away: the next would not, either."""
@@ -28,17 +26,14 @@ class SecondLook:
         where it had a testee of its own, or none can be started.
         """
         used = self.testee.expendable and self.testee.started == self._started > 0
-        wanted = result.verdict is Verdict.SKIP and used and result.text not in self._in_vain
-        self.why = result.text if wanted else ""
-        return wanted
+        return result.verdict is Verdict.SKIP and used and result.text not in self._in_vain
 
-    def end(self, result: Result) -> str:
-        """Note what the second came to; what there is to tell of it."""
-        why, self.why = self.why, ""
-        if result.verdict is Verdict.SKIP:
-            self._in_vain |= {why, result.text}
+    def end(self, first: Result, second: Result) -> str:
+        """Note what both came to; what there is to tell of it."""
+        if second.verdict is Verdict.SKIP:
+            self._in_vain |= {first.text, second.text}
             return ""
         return (
-            f"{result.check} could show nothing of a testee that other checks had used ({why}), "
-            "and was judged of one started anew"
+            f"{first.check} could show nothing of a testee that other checks had used"
+            f" ({first.text}), and was judged of one started anew"
         )

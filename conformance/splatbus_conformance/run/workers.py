@@ -1,7 +1,7 @@
 """Several testees at a time: each worker has a stand of its own, and is dealt one check at a time.
 
-Workers are forked, where systems fork, from a process that has imported all that they need while
-the testee was met. Each finds the environment as the user left it.
+Workers are forked, where systems fork, from the process that deals: it has imported all that they
+need, and holds neither sockets nor threads by then.
 """
 
 import contextlib
@@ -12,14 +12,12 @@ import signal
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum, auto
-from multiprocessing import forkserver, util
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
 
-import pytest
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance import guard
@@ -28,38 +26,27 @@ from splatbus_conformance.data import read_json
 from splatbus_conformance.guard import Kind, uninterrupted
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.reports.console import complain_of_fault
+from splatbus_conformance.run.checker import Checker, selected
 from splatbus_conformance.run.collector import Collector
-from splatbus_conformance.run.plugin import CheckPlugin
-from splatbus_conformance.run.pytest_run import isolated, run_pytest
 from splatbus_conformance.run.testbed import Facts, set_up
 from splatbus_conformance.trials.trial import THOROUGH
 
 FORKS = sys.platform == "linux"
 """Elsewhere there is no fork, or libraries of the system do not stand it."""
-PRELOADED = ["splatbus_conformance.preload"]
 ENDING_SECONDS = 30.0
 """How long a worker may take to end its testee."""
 CUT_SECONDS = 3.0
 """The same, where a report has to be written before somebody loses patience."""
-_context: Any = multiprocessing.get_context("forkserver" if FORKS else "spawn")
+_context: Any = multiprocessing.get_context("fork" if FORKS else "spawn")
 
 
 class WorkerMessage(Enum):
     """What a worker tells, with something that belongs to it."""
 
     READY = auto()
-    REPORT = auto()
+    TOLD = auto()
     NO_VERDICT = auto()
     LEFT = auto()
-
-
-def prepare() -> None:
-    """Import what workers need, in a process of its own, while something else is waited for."""
-    if FORKS:
-        with isolated():
-            _context.set_forkserver_preload(PRELOADED)
-            guard.watch(Kind.PATH, util.get_temp_dir())  # where its socket is
-            forkserver.ensure_running()
 
 
 class Workers:
@@ -75,7 +62,7 @@ class Workers:
     def __init__(
         self, plan: Plan, facts: Facts, names: Iterable[str], gathering: Collector
     ) -> None:
-        self._given = plan, dict(os.environ), facts
+        self._given = plan, facts
         self._left = list(names)[::-1]
         self._gathering = gathering
         self._processes: dict[Connection, BaseProcess] = {}
@@ -103,8 +90,9 @@ class Workers:
 
     def _start(self) -> None:
         here, there = _context.Pipe()
-        process = _context.Process(target=work, args=(*self._given, there))
-        with isolated(), uninterrupted():
+        others = [here, *self._processes] if FORKS else []
+        process = _context.Process(target=work, args=(*self._given, there, others))
+        with uninterrupted():
             process.start()
             guard.watch(Kind.PROCESS, process.pid)
         there.close()
@@ -120,11 +108,11 @@ class Workers:
             name = self._left.pop() if self._left else ""
             self._under_way[connection] = name
             if name:
-                self._gathering.pytest_runtest_logstart(name)
+                self._gathering.start(name)
             with contextlib.suppress(OSError):  # it will be heard to have ended
                 connection.send(name)
-        elif word is WorkerMessage.REPORT:
-            self._gathering.pytest_runtest_logreport(what)
+        elif word is WorkerMessage.TOLD:
+            self._gathering.take(what)
         elif word is WorkerMessage.LEFT:
             self._gathering.findings.traffic.add(what)
         else:
@@ -153,13 +141,16 @@ class Workers:
             guard.forget(Kind.PROCESS, process.pid)
 
 
-def work(plan: Plan, environment: Mapping[str, str], facts: Facts, there: Connection) -> None:
-    """Be a worker: runs in a process of its own."""
+def work(plan: Plan, facts: Facts, there: Connection, others: Iterable[Connection]) -> None:
+    """Be a worker: runs in a process of its own, which closes the ends of the `others` that it was
+    forked with, so that each hears when the process that deals has ended.
+    """
+    for other in others:
+        other.close()
+    sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__  # what shows progress has taken them
     for ending in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, ending):
             signal.signal(getattr(signal, ending), signal.default_int_handler)
-    os.environ.clear()
-    os.environ.update(environment)
     try:
         with contextlib.suppress(KeyboardInterrupt, OSError):  # nobody listens any more
             _work(plan, facts, there)
@@ -172,43 +163,25 @@ def _work(plan: Plan, facts: Facts, there: Connection) -> None:
     try:
         with contextlib.closing(set_up(plan)) as testbed:
             testbed.meet_again(facts)
-            checks = CheckPlugin(plan, testbed, lambda items: items)
-            status = run_pytest([checks, WorkerPlugin(there)])
+            checker = Checker(plan, testbed)
+            checks = {it.name: it for it in selected(plan)}
+            while name := _next(there):
+                there.send((WorkerMessage.TOLD, checker.run(checks[name])))
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
-            if status != pytest.ExitCode.INTERRUPTED:
-                checks.look_after()
-                there.send((WorkerMessage.LEFT, checks.traffic))
+            checker.look_after()
+            there.send((WorkerMessage.LEFT, checker.traffic))
     except (NoVerdict, Usage) as error:
         there.send((WorkerMessage.NO_VERDICT, str(error)))
 
 
-class WorkerPlugin:
-    """The plugin of a worker: runs the checks that it is dealt, and sends what they say."""
-
-    def __init__(self, there: Connection) -> None:
-        self._there = there
-
-    def pytest_runtestloop(self, session: pytest.Session) -> bool:
-        """In place of pytest's own, which runs all."""
-        items = {item.name: item for item in session.items}
-        for name in self._names():
-            items[name].config.hook.pytest_runtest_protocol(item=items[name], nextitem=None)
-        return True
-
-    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """A part of a check has come to its end."""
-        self._there.send((WorkerMessage.REPORT, report))
-
-    def _names(self) -> Iterator[str]:
-        while True:
-            self._there.send((WorkerMessage.READY, None))
-            try:
-                name = self._there.recv()
-            except EOFError:
-                return
-            if not name:
-                return
-            yield name
+def _next(there: Connection) -> str:
+    """The check that is dealt next; nothing if none is left, or nobody listens any more."""
+    there.send((WorkerMessage.READY, None))
+    try:
+        name: str = there.recv()
+    except EOFError:
+        return ""
+    return name
 
 
 def dealt(checks: Mapping[str, Check], plan: Plan) -> list[str]:

@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence, Sized
 from typing import Any, NamedTuple, NoReturn, TypeVar
 
-import pytest
 from hypothesis.strategies import SearchStrategy
 from splatbus_schemas import LIMITS
 from splatbus_schemas.requirements import Requirement
@@ -53,6 +52,12 @@ class Violation(AssertionError):  # noqa: N818 - a finding, no error of ours
         super().__init__(what)
         self.code = code
         """Which of the ways to break it this is, for whoever looks for this one."""
+
+
+class NotObservable(BaseException):
+    """Nothing can be said of this testee; the message says why. A search does not take it for a
+    failure.
+    """
 
 
 class Stand(NamedTuple):
@@ -304,7 +309,7 @@ class Trial:
         """Nothing can be said: skip, with the reason."""
         if ended := self.testee.ended():
             reason += f"; its process {ended}"
-        pytest.skip(reason)
+        raise NotObservable(reason)
 
 
 OUTCOME_WORDS = {

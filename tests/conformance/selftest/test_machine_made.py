@@ -109,7 +109,7 @@ def test_a_watched_specimen_is_told_which_check_runs(tmp_path):
         f"import {lines.__name__} as it\nit.tell({str(now)!r})\n"
         "from splatbus_conformance.run.collector import Collector\n"
         "from unittest import mock\n"
-        "Collector.pytest_runtest_logstart(mock.MagicMock(), 'x.py::check_it')\n"
+        "Collector.start(mock.MagicMock(), 'check_it')\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True, env=dict(os.environ))
     assert lines.told(now) == "check_it"

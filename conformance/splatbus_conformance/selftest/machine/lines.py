@@ -165,15 +165,14 @@ def tell(path: str) -> None:
     """Have the harness that runs in this process tell in a file which check it runs."""
     from splatbus_conformance.run.collector import Collector
 
-    original = Collector.pytest_runtest_logstart
+    original = Collector.start
 
-    def begins(self: Collector, nodeid: str) -> None:
-        name = nodeid.rpartition("::")[2].encode()
+    def begins(self: Collector, name: str) -> None:
         with Path(path).open("r+b") as file:  # whoever reads it has it in memory
-            file.write(name.ljust(LONGEST_NAME, b"\0"))
-        original(self, nodeid)
+            file.write(name.encode().ljust(LONGEST_NAME, b"\0"))
+        original(self, name)
 
-    Collector.pytest_runtest_logstart = begins  # type: ignore[method-assign]
+    Collector.start = begins  # type: ignore[method-assign]
 
 
 def noted(text: str) -> dict[str, Lines]:

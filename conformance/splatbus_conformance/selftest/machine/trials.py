@@ -256,5 +256,5 @@ def judging(now: str, checks: Sequence[str], line: list[str]) -> int:
     lines.tell(now)
     if checks:
         places = {name: place for place, name in enumerate(checks)}
-        running.in_order = lambda items: sorted(items, key=lambda it: places[it.name])
+        running.in_order = lambda checks: sorted(checks, key=lambda it: places[it.name])
     return harnesses.judge(line)

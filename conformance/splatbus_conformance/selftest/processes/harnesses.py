@@ -16,11 +16,12 @@ from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from splatbus_conformance.run import workers
-
 STOP_SECONDS = 15.0
 LOOK_SECONDS = 5.0
-PRELOADED = [*workers.PRELOADED, "splatbus_conformance.selftest.processes.fork_server"]
+PRELOADED = [
+    "splatbus_conformance.preload",
+    "splatbus_conformance.selftest.processes.fork_server",
+]
 """What each harness is forked with; whoever wants more adds it before the first."""
 
 _running: set[BaseProcess] = set()
@@ -97,7 +98,7 @@ def _apart(
 ) -> None:
     """Runs in the process of its own, in a group of its own, so that it ends with its children.
 
-    What it is forked from may have begun with other variables (`run.workers.prepare`).
+    What it is forked from may have begun with other variables.
     """
     os.environ.clear()
     os.environ.update(environment)

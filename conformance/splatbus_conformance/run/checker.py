@@ -1,24 +1,20 @@
-"""The pytest plugin that runs the checks: gives each its trial and takes its verdict.
+"""How a check is called, judged and told: each gets a trial, and comes to a result.
 
-What it finds out leaves in the reports of pytest, as text, so that it does not matter in which
-process the checks run.
+The rules judge all that crossed the wire meanwhile, and afterwards the testee has to be sound.
 """
 
-import sys
 import time
 import traceback
-from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-import pytest
 from splatbus_schemas.requirements import requirements
 
 from splatbus_conformance.cases.drawing import leave_nothing_where_the_user_works
 from splatbus_conformance.cases.script import Script, as_text, from_text
 from splatbus_conformance.checks import Check
-from splatbus_conformance.checks.registry import checks_in, checks_of
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.findings import Traffic
@@ -29,7 +25,7 @@ from splatbus_conformance.run.second_look import SecondLook
 from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.run.vital_signs import forbids_loss
 from splatbus_conformance.selection import RULE, Item
-from splatbus_conformance.trials.trial import SETTLE_SECONDS, Trial, Violation
+from splatbus_conformance.trials.trial import SETTLE_SECONDS, NotObservable, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
 from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.recording import Channel, Entry
@@ -44,13 +40,24 @@ long may not have had the other half.
 EVIDENCE_LINES = 12
 PRINTED_LINES = 3
 NOTHING_PROVEN = "nothing was delivered that the testee was seen to take"
-CHECK = pytest.StashKey[Check]()
-"""What was collected, as it judges this side."""
-PLACE = pytest.StashKey[int]()
-"""Of a check among those of a serial run."""
-RESULT, TRAFFIC = "splatbus result", "splatbus traffic"
-"""Properties of reports: place and result of a check, and what crossed the wire meanwhile."""
-Order = Callable[[list[pytest.Item]], list[pytest.Item]]
+MAY_CRASH = "it may crash a testee that was not launched by the harness: --allow-crash"
+
+
+class Told(NamedTuple):
+    """What came of a check, in whichever process it ran."""
+
+    place: int
+    """Among those that the plan selects."""
+    result: Result
+    traffic: Traffic
+
+    @property
+    def breaks_a_must(self) -> bool:
+        """Whether it has shown that the testee breaks one."""
+        known = requirements("1.1")
+        by_rule = (name for name, count in self.traffic.tally.items() if count.broken)
+        musts = [name for name in by_rule if failing(known[name].level) is Verdict.FAIL]
+        return bool(musts or self.traffic.losses) or self.result.verdict is Verdict.FAIL
 
 
 class CheckAftermath(NamedTuple):
@@ -70,31 +77,12 @@ MEETING = Check("CHN-19", "what the testee does when it is left alone", {}, Fals
 """The first meeting, as if it were a check."""
 
 
-class Modules(pytest.Directory):
-    """Python modules of a folder, found without looking through it, which takes pytest longer than
-    most checks run.
-    """
+class Checker:
+    """Runs checks on a stand whose testee has been met."""
 
-    modules: Sequence[Path]
-
-    @classmethod
-    def of(cls, parent: pytest.Collector, folder: Path, modules: Sequence[Path]) -> "Modules":
-        """These modules of this folder."""
-        node: Modules = cls.from_parent(parent, path=folder)
-        node.modules = modules
-        return node
-
-    def collect(self) -> Iterator[pytest.Module]:
-        """Each of them."""
-        for path in self.modules:
-            yield pytest.Module.from_parent(self, path=path)
-
-
-class CheckPlugin:
-    """Handed to `pytest.main`, with a stand whose testee has been met."""
-
-    def __init__(self, plan: Plan, testbed: Testbed, order: Order) -> None:
-        self.plan, self.testbed, self.order = plan, testbed, order
+    def __init__(self, plan: Plan, testbed: Testbed) -> None:
+        self.plan, self.testbed = plan, testbed
+        self.places = {it.name: place for place, it in enumerate(selected(plan), 1)}
         self.known = requirements("1.1")
         self.rules = rules_on(
             {
@@ -124,75 +112,93 @@ class CheckPlugin:
             self.look_after()
         self._note_end()
 
-    def pytest_collect_directory(self, path: Path, parent: pytest.Collector) -> pytest.Collector:
-        """The modules of checks that hold one which was selected."""
-        found = {
-            Path(str(sys.modules[it.play.__module__].__file__))
-            for it in checks_of(self.plan.side)
-            if self._takes(it)
-        }
-        return Modules.of(parent, path, sorted(found))
-
-    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
-        """Leave out what was not selected, and put the rest in order."""
-        for item in items:
-            if check := checks_in(item.function).get(self.plan.side):  # type: ignore[attr-defined]
-                item.stash[CHECK] = check
-        items[:] = [it for it in items if CHECK in it.stash and self._takes(declared(it))]
-        for place, item in enumerate(items, 1):
-            item.stash[PLACE] = place
-        items[:] = self.order(items)
-
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_protocol(
-        self, item: pytest.Item, nextitem: pytest.Item | None
-    ) -> Generator[None, object, object]:
-        """Judge a check once more where others before it may have taken what it needs."""
-        done = yield
-        if self._second_look.why:
+    def run(self, check: Check) -> Told:
+        """Judge the testee by a check: once more, where others before it may have taken what it
+        needs.
+        """
+        result, again = self._judged(check)
+        if again:
             self.testbed.testee.stop()
-            item.config.hook.pytest_runtest_protocol(item=item, nextitem=nextitem)
-        return done
+            first, (result, _) = result, self._judged(check)
+            if told := self._second_look.end(first, result):
+                self.traffic.advice.append(told)
+        traffic, self.traffic = self.traffic, self._nothing_yet()
+        return Told(self.places[check.name], result, traffic)
 
-    @pytest.hookimpl(wrapper=True)
-    def pytest_runtest_makereport(
-        self, item: pytest.Item, call: pytest.CallInfo[None]
-    ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Turn what happened into a result, and send it along with the report."""
-        # What pytest makes of a failure holds what testees sent, which not every transport can
-        # carry, and to look up the lines of source takes longer than most checks.
-        item.repr_failure = lambda excinfo, style=None: ""  # type: ignore[method-assign]
-        report = yield
-        report.longrepr = None
-        if call.when == "call" or (call.when == "setup" and call.excinfo is not None):
-            result = self._result(item, call)
-            self._last_verdict = result.verdict
-            if not self._is_to_be_judged_again(result):
-                report.user_properties.append((RESULT, (item.stash[PLACE], result)))
-        elif call.when == "teardown":
-            report.user_properties.append((TRAFFIC, self.traffic))
-            self.traffic = self._nothing_yet()
-        return report
-
-    @pytest.fixture
-    def trial(self, request: pytest.FixtureRequest) -> Iterator[Trial]:
-        """A trial with fresh connections; the rules judge whatever crossed the wire."""
-        check, testee = declared(request.node), self.testbed.testee
+    def _judged(self, check: Check) -> tuple[Result, bool]:
+        """What came of it, and whether a testee started anew may show more."""
         self.trial_now = None
-        if reason := self._missing(check):
-            pytest.skip(reason)
+        try:
+            result = self._played(check)
+        except KeyboardInterrupt:
+            if self.trial_now is not None:
+                self._keep(self.places[check.name], check.name)
+            raise
+        self._last_verdict = result.verdict
+        if self.trial_now is None:
+            return result, False
+        again = self._second_look.is_wanted(result)
+        try:
+            self._see_to(check, self.trial_now)
+        except Exception as error:
+            return replace(result, verdict=Verdict.ERROR, text=_of_ours(error)), False
+        return result, again
+
+    def _played(self, check: Check) -> Result:
+        began, code, script = time.monotonic(), "", ""
+        evidence: tuple[str, ...] = ()
+        try:
+            trial = self._trial(check)
+            check.play(trial)
+            verdict, text = _passed(check, trial)
+        except NotObservable as nothing:
+            verdict, text = Verdict.SKIP, str(nothing)
+        except Violation as broken:
+            verdict, code = failing(self.known[check.requirement].level), broken.code
+            text = str(broken) + (self._last_words() if self.testbed.testee.ended() else "")
+            evidence = self._evidence(check.requirement)
+            script = self._script(check.requirement, check.name, by_rule=False)
+        except Exception as error:
+            verdict, text = Verdict.ERROR, _of_ours(error)
+            lines = "".join(traceback.format_exception(error)).splitlines()
+            evidence = (*self._evidence(check.requirement), *lines[-EVIDENCE_LINES:])
+        seconds, now = time.monotonic() - began, self.trial_now
+        late = self.testbed.peer.late_seconds >= LATE_SECONDS
+        return Result(
+            check.requirement,
+            check.name,
+            Level(check.level),
+            verdict,
+            text,
+            evidence,
+            seconds,
+            tuple(now.measurements) if now else (),
+            script,
+            delivered=now.delivered if now else 0,
+            missed=verdict is Verdict.SKIP and now is not None and late,
+            code=code,
+        )
+
+    def _trial(self, check: Check) -> Trial:
+        """One with fresh connections."""
+        if reason := check.lacks(self.testbed.facts):
+            raise NotObservable(reason)
+        if check.may_crash and not (self.testbed.testee.expendable or self.plan.allow_crash):
+            raise NotObservable(MAY_CRASH)
         self._began = (time.monotonic(), time.process_time())
         self._second_look.begin()
         trial = self.trial_now = self.testbed.trial(self.known[check.requirement])
         trial.seed, trial.profile = self.plan.seed, self.plan.profile
-        told = " ".join((request.function.__doc__ or "").split())
-        trial.purpose = f"{check.requirement}: {told}"
-        yield trial
-        peer = self.testbed.peer
+        trial.purpose = f"{check.requirement}: {check.does}"
+        return trial
+
+    def _see_to(self, check: Check, trial: Trial) -> None:
+        """What follows a check: its traffic is judged, and what the testee has lost is charged."""
+        testee, peer = self.testbed.testee, self.testbed.peer
         peer.until(lambda: heard_out(peer), SETTLE_SECONDS)
         self.traffic.delivered += trial.delivered
         self.traffic.left_out += trial.left_out
-        former, self._latest = self._latest, self._deed(check, request.node.name)
+        former, self._latest = self._latest, self._deed(check)
         for loss in trial.losses:
             here = self._latest._replace(entries=loss.entries)
             deed = self._last_alive.get(loss.before, former) if loss.before else here
@@ -200,9 +206,7 @@ class CheckPlugin:
         self._note_alive(self._latest)
         if not trial.killed:
             self._note_end()
-        self._keep(request.node.stash[PLACE], request.node.name)
-        if self.plan.exitfirst and self._a_must_is_broken():
-            request.session.shouldfail = "a MUST is broken"
+        self._keep(self.places[check.name], check.name)
         if testee.ended() is not None and trial.killed:
             trial.end_testee()
         elif self.plan.side == "server" or testee.ended() is not None:
@@ -217,15 +221,10 @@ class CheckPlugin:
         if lost or self.testbed.testee.ended() is not None:
             self.testbed.testee.stop()
 
-    def _a_must_is_broken(self) -> bool:
-        by_rule = (name for name, count in self.traffic.tally.items() if count.broken)
-        musts = [name for name in by_rule if failing(self.known[name].level) is Verdict.FAIL]
-        return bool(musts or self.traffic.losses) or self._last_verdict is Verdict.FAIL
-
-    def _deed(self, check: Check, name: str) -> "CheckAftermath":
-        script = self._script(check.requirement, name, by_rule=False)
+    def _deed(self, check: Check) -> "CheckAftermath":
+        script = self._script(check.requirement, check.name, by_rule=False)
         failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
-        return CheckAftermath(name, check, script, list(self.testbed.peer.entries), failed)
+        return CheckAftermath(check.name, check, script, list(self.testbed.peer.entries), failed)
 
     def _note_alive(self, deed: "CheckAftermath") -> None:
         came = {entry.channel for entry in deed.entries if entry.event == "open"}
@@ -287,71 +286,6 @@ class CheckPlugin:
         if self.plan.record:
             save(entries, Path(self.plan.record, f"{place:03}-{name}.jsonl"))
 
-    def _takes(self, check: Check) -> bool:
-        return self.plan.selection.takes(selectable(check), self.plan.profile)
-
-    def _missing(self, check: Check) -> str | None:
-        if reason := check.lacks(self.testbed.facts):
-            return reason
-        if check.may_crash and not (self.testbed.testee.expendable or self.plan.allow_crash):
-            return "it may crash a testee that was not launched by the harness: --allow-crash"
-        return None
-
-    def _result(self, item: pytest.Item, call: pytest.CallInfo[None]) -> Result:
-        check, error = declared(item), call.excinfo
-        measurements = tuple(self.trial_now.measurements) if self.trial_now else ()
-        verdict, text = Verdict.PASS, "; ".join(map(str, measurements))
-        delivered = self.trial_now.delivered if self.trial_now else 0
-        if error is None and not delivered:
-            verdict, text = Verdict.SKIP, NOTHING_PROVEN
-        elif error is None and not text:
-            text = f"{delivered} delivered; seen of each: {check.observable}"
-        if error is None and self.trial_now:
-            text += f"; {self.trial_now.extent}" if self.trial_now.extent else ""
-            unseen = self.trial_now.unseen.items()
-            text += "".join(f"; nothing is said of the {at} channel: {why}" for at, why in unseen)
-        evidence: tuple[str, ...] = ()
-        script = code = ""
-        if error is not None:
-            text = str(error.value)
-            skipped = isinstance(error.value, pytest.skip.Exception)
-            evidence = () if skipped else self._evidence(check.requirement)
-            if isinstance(error.value, Violation):
-                verdict, code = failing(self.known[check.requirement].level), error.value.code
-                text += self._last_words() if self.testbed.testee.ended() else ""
-                script = self._script(check.requirement, item.name, by_rule=False)
-            elif skipped:
-                verdict = Verdict.SKIP
-            else:
-                verdict, text = Verdict.ERROR, f"{error.typename}: {text}"
-                lines = "".join(traceback.format_exception(error.value)).splitlines()
-                evidence += tuple(lines[-EVIDENCE_LINES:])
-        return Result(
-            check.requirement,
-            item.name,
-            Level(check.level),
-            verdict,
-            text,
-            evidence,
-            call.duration,
-            measurements,
-            script,
-            delivered=delivered,
-            missed=verdict is Verdict.SKIP and self._came_late(),
-            code=code,
-        )
-
-    def _is_to_be_judged_again(self, result: Result) -> bool:
-        if self._second_look.why:
-            if told := self._second_look.end(result):
-                self.traffic.advice.append(told)
-            return False
-        return self.trial_now is not None and self._second_look.is_wanted(result)
-
-    def _came_late(self) -> bool:
-        """The testee has shown what the check needs, and may have been left too little time."""
-        return self.trial_now is not None and self.testbed.peer.late_seconds >= LATE_SECONDS
-
     def _evidence(self, requirement: str) -> tuple[str, ...]:
         peer, since = self.testbed.peer, self.trial_now.before_last_case if self.trial_now else 0
         marks = guilty.marks(peer.entries, peer.ours, requirement, since)
@@ -380,11 +314,29 @@ def heard_out(peer: Peer) -> bool:
     return all(last[it.channel, it.number] == peer.theirs for it in alive)
 
 
-def declared(item: pytest.Item) -> Check:
-    """What a collected check is on the side that is judged."""
-    return item.stash[CHECK]
+def selected(plan: Plan) -> list[Check]:
+    """The checks that a plan selects, clause by clause."""
+    every = checks_of(plan.side)
+    return [it for it in every if plan.selection.takes(selectable(it), plan.profile)]
 
 
 def selectable(check: Check) -> Item:
     """A check as something to select."""
     return Item(check.requirement, check.name, check.level, check.profile)
+
+
+def _passed(check: Check, trial: Trial) -> tuple[Verdict, str]:
+    """What to say of a check that saw nothing broken."""
+    text = "; ".join(map(str, trial.measurements))
+    if not trial.delivered:
+        text = NOTHING_PROVEN
+    elif not text:
+        text = f"{trial.delivered} delivered; seen of each: {check.observable}"
+    text += f"; {trial.extent}" if trial.extent else ""
+    unseen = trial.unseen.items()
+    text += "".join(f"; nothing is said of the {at} channel: {why}" for at, why in unseen)
+    return Verdict.PASS if trial.delivered else Verdict.SKIP, text
+
+
+def _of_ours(error: Exception) -> str:
+    return f"{type(error).__name__}: {error}"
