@@ -27,7 +27,6 @@ from splatbus_conformance.run.vital_signs import forbids_loss
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.trials.trial import SETTLE_SECONDS, NotObservable, Trial, Violation
 from splatbus_conformance.verdicts import Level, Result, Verdict, failing
-from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.recording import Channel, Entry
 from splatbus_conformance.wire.saving import save
 from splatbus_conformance.wire.sockets import Peer
@@ -269,7 +268,7 @@ class Checker:
         """Judge what crossed the wire, count what it took, and save it where that is asked for."""
         entries = list(self.testbed.peer.entries)
         self.testbed.peer.close_all()  # what the testee does about it goes on during the judgement
-        recorded = conversations(entries)
+        recorded = self.testbed.peer.conversations()
         on_record = self.testbed.peer.on_record
         lives = [(on_record(born), on_record(ended)) for born, ended in self.testbed.testee.lives]
         note_deaths(recorded, entries, self.testbed.peer.theirs, lives)

@@ -55,7 +55,7 @@ def lost_by_server(
 
     Each is waited for so many seconds; to listen, as long as a start takes.
     """
-    peer.on_open, peer.on_packet = viewer.on_open, viewer.on_packet
+    peer.on_open, peer.on_message = viewer.on_open, viewer.on_message
     peer.close_all()
     if ended := testee.ended():
         return f"its process {ended}"
@@ -116,10 +116,10 @@ def _silent_on(
         if channel == "ipc" and facts.renders and not comes("frames"):
             return f"it sends no frame {where}"
     if channel == "msg" and facts.answers:
-        before = len(connection.packets)
+        before = len(connection.messages)
         viewer.say(connection, {"type": "get_viewport_size"})
-        peer.until(lambda: len(connection.packets) > before or connection.ended, seconds)
-        if len(connection.packets) == before:
+        peer.until(lambda: len(connection.messages) > before or connection.ended, seconds)
+        if len(connection.messages) == before:
             return f"it answers no request {where}"
     elif channel == "ipc" and facts.at_once:
         if not comes("init_packets"):
@@ -143,7 +143,7 @@ def lost_by_client(
         return f"its process {ended}" if ended.crashed else ""
     testee.ensure_running()  # the latest check may have ended it
     peer.clear()
-    peer.on_open, peer.on_packet = role.on_open, role.on_packet
+    peer.on_open, peer.on_message = role.on_open, role.on_message
     for channel in sorted(facts.returns):
         peer.listen(channel)
 

@@ -272,12 +272,12 @@ class ClientTrial(ReturningTrial):
 
     def outcome_on_msg(self, connection: Connection) -> str:
         """What the testee does after what it was sent on the message channel, as above."""
-        before = len(connection.packets)
+        before = len(connection.messages)
         self.wait(
-            lambda: len(connection.packets) > before + 1 or connection.ended,
+            lambda: len(connection.messages) > before + 1 or connection.ended,
             1.0 if self.facts.poses else REACTION_SECONDS,
         )
-        if not connection.ended and len(connection.packets) > before + 1:
+        if not connection.ended and len(connection.messages) > before + 1:
             self.delivered += 1
             return "ignores"
         if not connection.ended and self.fate() is None:

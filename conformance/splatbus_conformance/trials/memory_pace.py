@@ -9,7 +9,6 @@ from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.process import Testee
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
-from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.sockets import Connection, Peer
 
 ROOM = 2.0
@@ -37,10 +36,11 @@ def of_the_host(peer: Peer, role: ScriptedServer, testee: Testee, seconds: float
 
 def _seconds_on(connection: Connection) -> float:
     """From the first packet, which memory is the answer to, to the first use of that."""
-    kinds = [(read(it.payload).value or {}).get("type") for it in connection.packets]
-    used = [kinds.index(kind) for kind in ("opened", "release") if kind in kinds]
-    packets = connection.packets
-    return packets[max(used)].ended - packets[0].ended if used else 0.0
+    first: dict[str | None, float] = {}
+    for it in connection.messages:
+        first.setdefault(it.type, it.packet.ended)
+    used = [first[kind] for kind in ("opened", "release") if kind in first]
+    return max(used) - min(first.values()) if used else 0.0
 
 
 def of_the_device(

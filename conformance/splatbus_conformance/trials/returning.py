@@ -41,7 +41,7 @@ class ReturningTrial(Trial):
         self.facts = facts
         self._used: set[Connection] = set()
         self.peer.on_open = role.on_open
-        self.peer.on_packet = role.on_packet
+        self.peer.on_message = role.on_message
 
     def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
         """Close those of this channel that were used; a new one, if it comes in time.
@@ -70,7 +70,7 @@ class ReturningTrial(Trial):
         unused = [c for c in on_it if c not in self._used]
         there = [c for c in unused if not c.ended]
         if not there and self.testee.ended() and not self.facts.leaves:
-            there = [c for c in unused if c.packets]
+            there = [c for c in unused if c.messages]
         return next(iter(there), None)
 
     def goes_on_with(self, connection: Connection) -> bool:
@@ -79,8 +79,8 @@ class ReturningTrial(Trial):
         A client that speaks 1.0 has nothing to say on the IPC channel.
         """
         if connection.channel == "msg":
-            self.wait(lambda: connection.packets or connection.ended)
-            return bool(connection.packets)
+            self.wait(lambda: connection.messages or connection.ended)
+            return bool(connection.messages)
         if not self.facts.speaks_1_1("ipc"):
             return True
         role = self.role

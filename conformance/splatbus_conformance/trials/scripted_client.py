@@ -11,11 +11,11 @@ from splatbus_conformance.images.memory.device_reading import open_on_device
 from splatbus_conformance.images.memory.reading import CannotOpen, Opened, open_memory
 from splatbus_conformance.images.pinhole import camera_of
 from splatbus_conformance.wire import messages
-from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.conversation import Message
 from splatbus_conformance.wire.json_values import is_number, texts, whole, within
 from splatbus_conformance.wire.message_kinds import CAPABILITIES
 from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.packets import Packet, packet
+from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 
@@ -108,14 +108,13 @@ class ScriptedClient:
     def on_open(self, connection: Connection) -> None:
         """A connection was made: nothing to say yet."""
 
-    def on_packet(self, connection: Connection, arrived: Packet) -> None:
-        """The server sent a packet."""
-        message, faults = read(arrived.payload)
-        if message is None:
+    def on_message(self, connection: Connection, arrived: Message) -> None:
+        """The server sent a message."""
+        if (message := arrived.value) is None:
             return
         dealings = self.with_(connection)
         dealings.heard.append(message)
-        kind, finite = message.get("type"), all(it.requirement != "JSN-4" for it in faults)
+        kind, finite = message.get("type"), arrived.finite
         if kind == "welcome":
             first, dealings.welcome = dealings.welcome is None, dealings.welcome or message
             before = dealings.init_packets[-1:]

@@ -13,11 +13,11 @@ from splatbus_conformance.images.memory.device import Allocation
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.viewpoint import Viewpoint, viewpoint
 from splatbus_conformance.wire import messages
-from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.conversation import Message
 from splatbus_conformance.wire.json_values import strings, texts, whole, within
 from splatbus_conformance.wire.message_kinds import REQUESTS
 from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.packets import Packet, packet
+from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
@@ -190,14 +190,13 @@ class ScriptedServer:
         if connection.channel == "ipc" and self.speaks == "1.0" and self.offers_memory:
             self.offer(connection, self.legacy_init_packet())
 
-    def on_packet(self, connection: Connection, arrived: Packet) -> None:
-        """A testee sent a packet."""
-        message, faults = read(arrived.payload)
-        if message is None:
+    def on_message(self, connection: Connection, arrived: Message) -> None:
+        """A testee sent a message."""
+        if (message := arrived.value) is None:
             return
         dealings = self.with_(connection)
         dealings.heard.append(message)
-        if any(fault.requirement == "JSN-4" for fault in faults):  # it could not be repeated
+        if not arrived.finite:  # it could not be repeated
             return
         kind = message.get("type")
         if kind == "hello":

@@ -41,7 +41,7 @@ class ServerTrial(Trial):
         self.viewer = viewer
         self.facts = facts
         self.peer.on_open = viewer.on_open
-        self.peer.on_packet = viewer.on_packet
+        self.peer.on_message = viewer.on_message
         self._mover: Connection | None = None
         self._unheard = False
         """A connection was neither closed nor served."""
@@ -332,8 +332,8 @@ class ServerTrial(Trial):
             self.rest(GONE_SECONDS)
             return
         self.viewer.say(connection, controls.VIEWPORT_REQUEST)
-        self._unheard = not (self.grows(connection, connection.packets) or connection.ended)
-        connection.packets.clear()
+        self._unheard = not (self.grows(connection, connection.messages) or connection.ended)
+        connection.messages.clear()
         self.viewer.with_(connection).heard.clear()
 
     def end_of(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> str:

@@ -42,6 +42,11 @@ class Message(NamedTuple):
         return kind if isinstance(kind, str) else None
 
     @property
+    def finite(self) -> bool:
+        """Its numbers are, and so can be written again."""
+        return all(it.code not in ("not-finite", "overflows") for it in self.faults)
+
+    @property
     def agrees(self) -> bool:
         """It is a `welcome`, and not one to 1.0, with which nothing is agreed (NEG-33)."""
         return self.kind == "welcome" and (self.value or {}).get("version") != "1.0"

@@ -225,8 +225,10 @@ def take_numbers(value: dict[str, Any], shape: Shape) -> ReadPayload:
     if not found:
         return ReadPayload(value, ())
     pointer, spelling = found[0]
+    finite = all(math.isfinite(spelled(it)) for _, it in found)
+    code = "number-as-string" if finite else "overflows"
     text = f'numbers written as strings: {len(found)}, the first "{shorten(spelling)}"'
-    return ReadPayload(taken, (PayloadFault("JSN-4", "number-as-string", text, pointer),))
+    return ReadPayload(taken, (PayloadFault("JSN-4", code, text, pointer),))
 
 
 def spelled(spelling: str) -> int | float:

@@ -8,8 +8,8 @@ import json
 from collections.abc import Iterable, Iterator
 from itertools import cycle, islice
 
-from splatbus_conformance.wire.json_reading import read
-from splatbus_conformance.wire.packets import HEADER, Splitter, is_length, packet
+from splatbus_conformance.wire.conversation import Assembler
+from splatbus_conformance.wire.packets import HEADER, is_length, packet
 from splatbus_conformance.wire.recording import Channel, Direction, Entry
 
 WORD = "redacted"
@@ -38,17 +38,18 @@ def restored(entries: Iterable[Entry], token: str) -> tuple[list[Entry], int]:
     """A recording with this token where one was left out, and how many `hello` still lack theirs:
     all without a token to put there, and those that did not come in one piece.
     """
-    streams: dict[tuple[Channel, int], Splitter] = {}
+    assembler = Assembler()
     found, lacking = [], 0
     for entry in entries:
         data = entry.data or b""
-        stream = streams.setdefault((entry.channel, entry.conn), Splitter())
-        for whole in stream.feed(data, entry.t) if entry.dir == "c2s" else ():
-            told = (read(whole.payload).value or {}).get("token")
+        _, completed = assembler.feed(entry)
+        for message in completed if entry.dir == "c2s" else ():
+            told = (message.value or {}).get("token")
             if isinstance(told, str) and told == stand_in(len(told)):
-                before, _, behind = whole.payload.partition(b'"%s"' % told.encode())
+                payload = message.packet.payload
+                before, _, behind = payload.partition(b'"%s"' % told.encode())
                 new = packet(before + json.dumps(token).encode() + behind)
-                old = packet(whole.payload)
+                old = packet(payload)
                 lacking += not token or old not in data
                 data = data.replace(old, new, 1) if token else data
         found.append(entry._replace(data=data) if entry.data else entry)

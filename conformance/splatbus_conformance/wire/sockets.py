@@ -12,7 +12,8 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Literal, TypeVar
 
-from splatbus_conformance.wire.packets import HEADER, Packet, Splitter
+from splatbus_conformance.wire.conversation import Assembler, Conversation, Message
+from splatbus_conformance.wire.packets import HEADER, Splitter
 from splatbus_conformance.wire.ports import listen_somewhere
 from splatbus_conformance.wire.recording import Channel, Direction, Entry, Event
 
@@ -50,6 +51,7 @@ class Connection:
         channel: Channel,
         number: int,
         testee_port: int,
+        stream: Splitter,
     ) -> None:
         self.channel = channel
         self.number = number
@@ -58,7 +60,8 @@ class Connection:
         """The port at this end."""
         self.testee_port = testee_port
         """The port at the testee's end."""
-        self.packets: list[Packet] = []
+        self.messages: list[Message] = []
+        """What the testee has sent, packet by packet, in the time of the record."""
         self.ended: Literal["eof", "reset"] | None = None
         """How the testee ended its stream, if it did."""
         self.open = True
@@ -69,7 +72,7 @@ class Connection:
         """Bytes that the harness has sent."""
         self._peer = peer
         self._sock = sock
-        self._splitter = Splitter()
+        self._stream = stream
 
     def send(self, data: bytes) -> None:
         """Send bytes as they are, in one write; quietly nothing if the testee has gone."""
@@ -88,12 +91,16 @@ class Connection:
     @property
     def no_packet(self) -> bytes:
         """What the testee sent from a header on that is none (FRM-2), as far as it is kept."""
-        return self._splitter.rest if self._splitter.refused is not None else b""
+        return self._stream.rest if self._stream.refused is not None else b""
 
     @property
     def unfinished(self) -> bytes:
         """What has come of a payload that is not complete."""
-        return self._splitter.rest[HEADER:] if self._splitter.refused is None else b""
+        return self._stream.rest[HEADER:] if self._stream.refused is None else b""
+
+    def arrived(self, message: Message) -> float:
+        """When a message had come, by the monotonic clock."""
+        return self._peer.by_clock(message.packet.ended)
 
     def push(self, data: bytes, *, noted: bool = False) -> int | None:
         """Send what TCP takes at once; how much, or None if the testee has gone.
@@ -154,8 +161,8 @@ class Connection:
                 if not self._sock.recv(READ_BYTES):
                     break
 
-    def read(self) -> list[Packet]:
-        """Take what has arrived; return the packets that it completes."""
+    def read(self) -> list[Message]:
+        """Take what has arrived; return the messages that it completes."""
         try:
             data = self._sock.recv(READ_BYTES)
         except (TimeoutError, BlockingIOError):
@@ -170,10 +177,9 @@ class Connection:
             self.ended = "eof"
             self._peer.note_event(self, "eof", self._peer.theirs)
             return []
-        self._peer.note(self, self._peer.theirs, data)
-        packets = self._splitter.feed(data, time.monotonic())
-        self.packets += packets
-        return packets
+        arrived = self._peer.note(self, self._peer.theirs, data)
+        self.messages += arrived
+        return arrived
 
 
 def _connect_narrowly(address: tuple[str, int], seconds: float) -> socket.socket:
@@ -197,7 +203,8 @@ def _connect_narrowly(address: tuple[str, int], seconds: float) -> socket.socket
 
 
 class Peer:
-    """Listens to clients or dials a server; tells `on_open` of connections, `on_packet` of packets.
+    """Listens to clients or dials a server; tells `on_open` of connections, `on_message` of
+    messages.
 
     What it sends is on record as the server's, unless it plays the client.
     """
@@ -212,8 +219,9 @@ class Peer:
         self.connections: list[Connection] = []
         self.entries: list[Entry] = []
         """What crossed the wire since `clear`."""
+        self._assembler = Assembler()
         self.on_open: Callable[[Connection], None] = lambda connection: None
-        self.on_packet: Callable[[Connection, Packet], None] = lambda connection, packet: None
+        self.on_message: Callable[[Connection, Message], None] = lambda connection, message: None
         self._selector = selectors.DefaultSelector()
         self._listeners: dict[Channel, socket.socket] = {}
         self.last_opened: dict[Channel, float] = dict.fromkeys(CHANNELS, 0.0)
@@ -339,6 +347,7 @@ class Peer:
         self.close_all()
         self.connections = []
         self.entries = []
+        self._assembler = Assembler()
 
     def close(self) -> None:
         """Close everything."""
@@ -347,17 +356,23 @@ class Peer:
             self.refuse(channel)
         self._selector.close()
 
-    def note(self, connection: Connection, direction: Direction, data: bytes) -> None:
-        """Put bytes on record."""
-        self.entries.append(
+    def note(self, connection: Connection, direction: Direction, data: bytes) -> list[Message]:
+        """Put bytes on record; the messages that they complete."""
+        return self._put(
             Entry(self._now(), connection.channel, connection.number, direction, data)
-        )
+        )[1]
 
     def note_event(self, connection: Connection, event: Event, direction: Direction) -> None:
         """Put an event on record."""
-        self.entries.append(
-            Entry(self._now(), connection.channel, connection.number, direction, event=event)
-        )
+        self._put(Entry(self._now(), connection.channel, connection.number, direction, event=event))
+
+    def _put(self, entry: Entry) -> tuple[Conversation, list[Message]]:
+        self.entries.append(entry)
+        return self._assembler.feed(entry)
+
+    def conversations(self) -> list[Conversation]:
+        """What is on record, as if it ended here."""
+        return self._assembler.so_far()
 
     def forget(self, sock: socket.socket) -> None:
         """Stop watching a socket."""
@@ -387,6 +402,10 @@ class Peer:
         """The time of an entry that was made at this time of the monotonic clock."""
         return monotonic - self._start
 
+    def by_clock(self, t: float) -> float:
+        """The time by the monotonic clock of an entry that was made at `t`."""
+        return self._start + t
+
     def _now(self) -> float:
         return self.on_record(time.monotonic())
 
@@ -402,15 +421,17 @@ class Peer:
         with contextlib.suppress(OSError):  # it may have been reset while it was not looked at
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._count[channel] += 1
-        connection = Connection(self, sock, channel, self._count[channel], testee_port)
+        number = self._count[channel]
+        conversation, _ = self._put(Entry(self._now(), channel, number, event="open"))
+        stream = conversation.streams[self.theirs]
+        connection = Connection(self, sock, channel, number, testee_port, stream)
         self.last_opened[channel] = connection.opened
         self.connections.append(connection)
-        self.entries.append(Entry(self._now(), channel, connection.number, event="open"))
         self._selector.register(sock, selectors.EVENT_READ, connection)
         return connection
 
     def _handle(self, connection: Connection) -> None:
-        for packet in connection.read():
-            self.on_packet(connection, packet)
+        for message in connection.read():
+            self.on_message(connection, message)
         if connection.ended:
             self.forget(connection._sock)

@@ -5,7 +5,7 @@ What a failure is about is marked in the margin, and folded last of all.
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from typing import NamedTuple
 
@@ -53,6 +53,11 @@ class Piece:
     astray: bool = False
     """It follows a header that is none, so that nobody knows where its packets begin."""
     marks: tuple[Mark, ...] = ()
+    packets: list[Packet] = field(default_factory=list)
+    rest: bytes = b""
+    """What is no whole packet, at its end."""
+    refused: bool = False
+    """That begins with a header that is none."""
 
     @property
     def looks(self) -> tuple[object, ...]:
@@ -104,14 +109,15 @@ def _pieces(entries: Iterable[Entry], marks: Collection[Mark]) -> list[Piece]:
         begins = sent.get(key, 0)
         sent[key] = begins + len(data)
         if data and before and stream.rest and stream.refused is None:
-            before.data += data
-            before.parts += 1
-            stream.feed(data, entry.t)
-            continue
-        piece = Piece(entry, data, begins, astray=stream.refused is not None)
-        pieces.append(piece)
+            piece = before
+            piece.data += data
+            piece.parts += 1
+        else:
+            piece = Piece(entry, data, begins, astray=stream.refused is not None)
+            pieces.append(piece)
         if data:
-            stream.feed(data, entry.t)
+            piece.packets += stream.feed(data, entry.t)
+            piece.rest, piece.refused = stream.rest, stream.refused is not None
             streams[key] = stream, piece
     for piece in pieces:
         piece.marks = tuple(mark for mark in marks if _holds(piece, mark))
@@ -181,19 +187,18 @@ def _decoded(piece: Piece) -> Iterator[Line]:
         text = f"{len(data)} bytes after a header that is none: {_characters(data)}"
         yield bool(piece.marks), text
         return
-    stream = Splitter()
-    for packet in stream.feed(data, 0.0):
-        begins = piece.begins + packet.offset
-        ends = begins + HEADER + len(packet.payload)
-        marks = [mark for mark in piece.marks if begins <= mark.offset < ends]
+    for packet in piece.packets:
+        ends = packet.offset + HEADER + len(packet.payload)
+        marks = [mark for mark in piece.marks if packet.offset <= mark.offset < ends]
         yield from _packet(packet, marks)
-    marked = bool(piece.marks) and piece.marks[-1].offset >= piece.begins + stream.offset
-    if stream.refused is not None:
-        rest = data[stream.refused :]
+    rest = piece.rest
+    last = piece.begins + len(data) - len(rest)
+    marked = bool(piece.marks) and piece.marks[-1].offset >= last
+    if piece.refused:
         text = f"a header that announces {int.from_bytes(rest[:HEADER], 'little'):,} bytes"
         yield marked, f"{text}: {_characters(rest)}" if len(rest) > HEADER else text
-    elif stream.rest:
-        text = f"{len(stream.rest)} bytes that are no whole packet: {_characters(stream.rest)}"
+    elif rest:
+        text = f"{len(rest)} bytes that are no whole packet: {_characters(rest)}"
         yield marked, text
 
 

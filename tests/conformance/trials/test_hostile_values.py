@@ -19,9 +19,9 @@ from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import probe_advice
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
-from splatbus_conformance.wire.conversation import conversations
+from splatbus_conformance.wire.conversation import Assembler, Message, conversations
 from splatbus_conformance.wire.json_reading import read
-from splatbus_conformance.wire.packets import Splitter, packet
+from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Entry
 from splatbus_conformance.wire.transcript import excerpt
 
@@ -51,20 +51,20 @@ class Wire:
     def __init__(self, channel: Any, number: int = 1) -> None:
         self.channel, self.number, self.open, self.ended = channel, number, True, None
         self.recording = [Entry(1.0, channel, number, event="open")]
+        self._assembler = Assembler()
 
     def send(self, data: bytes) -> None:
         self.note("s2c", data)
 
-    def note(self, direction: Any, data: bytes) -> None:
+    def note(self, direction: Any, data: bytes) -> list[Message]:
         now = self.recording[-1].t + 0.01
         self.recording.append(Entry(now, self.channel, self.number, direction, data))
+        return self._assembler.feed(self.recording[-1])[1]
 
     def arrive(self, part: Any, direction: Any, message: Any) -> None:
         """Hand a message to a role or a viewer, as a packet."""
-        payload = text(message)
-        self.note(direction, packet(payload))
-        (whole,) = Splitter().feed(packet(payload), 0.0)
-        part.on_packet(self, whole)
+        (whole,) = self.note(direction, packet(text(message)))
+        part.on_message(self, whole)
 
 
 class Listening(Wire):

@@ -6,11 +6,9 @@ import pytest
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.rules import judge
 from splatbus_conformance.trials.scripted_server import ScriptedServer
-from splatbus_conformance.wire.conversation import conversations
-from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.conversation import Assembler, Message, conversations
 from splatbus_conformance.wire.message_kinds import CAPABILITIES
 from splatbus_conformance.wire.messages import ring_bytes
-from splatbus_conformance.wire.packets import Packet, Splitter
 from splatbus_conformance.wire.recording import Entry
 
 from tests.conformance.rules.talk import (
@@ -40,25 +38,20 @@ class Wire:
         self.role, self.recording, self.number = role, recording, number
         self.said: list[dict] = []
         self.sent: list[bytes] = []
-        self.packets: list[Packet] = []
-        self._splitter = Splitter()
+        self._assembler = Assembler()
         role.on_open(self)
 
     def send(self, data: bytes) -> None:
-        self._note("s2c", data)
         self.sent.append(data)
-        self.said += [read(packet.payload).value or {} for packet in self._splitter.feed(data, 0.0)]
+        self.said += [message.value or {} for message in self._note("s2c", data)]
 
     def hear(self, *messages: dict) -> list[dict]:
         """What the role says to messages that arrive together, on this connection."""
         payloads = [text(message) for message in messages]
         data = b"".join(len(it).to_bytes(4, "little") + it for it in payloads)
-        self._note("c2s", data)
         before = len(self.said)
-        arrived = Splitter().feed(data, 0.0)
-        self.packets += arrived
-        for packet in arrived:
-            self.role.on_packet(self, packet)
+        for message in self._note("c2s", data):
+            self.role.on_message(self, message)
         return self.said[before:]
 
     def give_back(self) -> list[dict]:
@@ -71,9 +64,11 @@ class Wire:
         """Of the init packets that it was sent."""
         return [message["generation"] for message in self.said if "meta" in message]
 
-    def _note(self, direction: Any, data: bytes) -> None:
+    def _note(self, direction: Any, data: bytes) -> list[Message]:
         now = 1.0 + 0.01 * len(self.recording)
-        self.recording.append(Entry(now, self.channel, self.number, direction, data))
+        entry = Entry(now, self.channel, self.number, direction, data)
+        self.recording.append(entry)
+        return self._assembler.feed(entry)[1]
 
 
 class Stage:

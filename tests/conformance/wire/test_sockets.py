@@ -38,9 +38,9 @@ def test_who_hears_one_connection_knows_how_another_ended_before(pair) -> None:
         testee.sendall(b"\1\0\0\0." * 100)
         testee.close()
         other.sendall(b"\1\0\0\0.")
-        assert peer.until(lambda: second.packets, SECONDS)
+        assert peer.until(lambda: second.messages, SECONDS)
         assert first.ended == "eof"
-        assert len(first.packets) == 100
+        assert len(first.messages) == 100
 
 
 def test_a_close_ends_the_stream_whatever_is_unread(pair) -> None:

@@ -65,8 +65,8 @@ def learn(trial: ServerTrial, *, counting: bool) -> Knowledge:
 
 def crowd(trial: ServerTrial) -> int:
     """How many clients, none of which releases what it holds, are lent a frame at a time."""
-    former = trial.peer.on_packet
-    trial.viewer.releases, trial.peer.on_packet = False, trial.viewer.on_packet
+    former = trial.peer.on_message
+    trial.viewer.releases, trial.peer.on_message = False, trial.viewer.on_message
     members: list[Connection] = []
     for _ in range(MOST_COUNTED):
         connection = _dialled(trial, "ipc")
@@ -78,7 +78,7 @@ def crowd(trial: ServerTrial) -> int:
         if (memory := trial.viewer.with_(connection).memory) is not None:
             memory.close()
             trial.viewer.with_(connection).memory = None
-    trial.peer.on_packet = former
+    trial.peer.on_message = former
     return len(members)
 
 

@@ -349,7 +349,7 @@ class WithClient:
         if self.facts.speaks_1_1(channel):
             came = self.trial.wait(lambda: dealings.welcome or connection.ended)
         elif channel == "msg" and self.facts.asks:
-            came = self.trial.wait(lambda: connection.packets or connection.ended)
+            came = self.trial.wait(lambda: connection.messages or connection.ended)
         else:
             return
         if not came or connection.ended:

@@ -10,8 +10,9 @@ from splatbus_conformance.checks.stateful.scripted_clients import VIEWPORT, Aske
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, SETTLE_SECONDS
+from splatbus_conformance.wire.conversation import Message
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
-from splatbus_conformance.wire.packets import Packet, packet
+from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import WORDS, Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
@@ -62,7 +63,7 @@ class WithServer:
     def begin(self) -> None:
         """A client on each channel."""
         self.viewer.releases = False
-        self.trial.peer.on_packet = self._on_packet
+        self.trial.peer.on_message = self._on_message
         self.trial.testee.ensure_running()
         self._begin()
 
@@ -355,10 +356,10 @@ class WithServer:
         text = f"no image shows the pose of message client {seat}, first of all"
         raise SessionBreach("POS-11", "pose-not-shown", text)
 
-    def _on_packet(self, connection: Connection, arrived: Packet) -> None:
+    def _on_message(self, connection: Connection, arrived: Message) -> None:
         dealings = self.viewer.with_(connection)
         before = len(dealings.frames)
-        self.viewer.on_packet(connection, arrived)
+        self.viewer.on_message(connection, arrived)
         reader = next((r for r in self._readers.values() if r.connection is connection), None)
         if reader is not None and len(dealings.frames) > before:
             self._on_frame(reader, dealings.frames[-1])

@@ -82,7 +82,7 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     trial.expect(
         trial.ask(connection, CAMERA_REQUEST), "no-reply", "no reply on the message channel"
     )
-    reply = 4 + len(connection.packets[-1].payload)
+    reply = 4 + len(connection.messages[-1].packet.payload)
     began = time.monotonic()
     connection.send(PACE_REQUESTS * packet(encode(CAMERA_REQUEST)))
     trial.wait(lambda: len(trial.replies(connection)) > PACE_REQUESTS or connection.ended)

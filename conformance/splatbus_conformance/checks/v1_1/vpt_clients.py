@@ -7,9 +7,8 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_1.neg.clients import listen
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.wire.json_reading import read
+from splatbus_conformance.wire.conversation import Message
 from splatbus_conformance.wire.messages import Json, error
-from splatbus_conformance.wire.packets import Packet
 from splatbus_conformance.wire.sockets import Connection
 
 PAUSE: float = LIMITS["ask_again_min_seconds"]
@@ -23,18 +22,17 @@ PAUSE: float = LIMITS["ask_again_min_seconds"]
 def check_asks_for_a_size_again_later(trial: ClientTrial) -> None:
     """Whoever asks for another size, is told `busy`, once all has come that it asks ahead."""
     waiting: list[Json] = []
-    former = trial.peer.on_packet
+    former = trial.peer.on_message
 
-    def on_packet(connection: Connection, arrived: Packet) -> None:
-        message, _ = read(arrived.payload)
-        if message is None or message.get("type") != "set_viewport":
-            former(connection, arrived)
+    def on_message(connection: Connection, message: Message) -> None:
+        if message.value is None or message.type != "set_viewport":
+            former(connection, message)
             return
-        waiting.append(message)
-        again.append(arrived.began)
+        waiting.append(message.value)
+        again.append(connection.arrived(message))
 
     again: list[float] = []
-    trial.peer.on_packet = on_packet
+    trial.peer.on_message = on_message
     connection = trial.greeted("msg")
     if not trial.grows(connection, waiting):
         trial.not_observable("the testee did not ask for another size again")

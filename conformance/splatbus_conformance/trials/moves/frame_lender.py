@@ -5,8 +5,8 @@ from splatbus_conformance.images.painted import Painting, spoilt
 from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.scripted_server import NextFrame
+from splatbus_conformance.wire.conversation import Message
 from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.packets import Packet
 from splatbus_conformance.wire.sockets import Connection
 
 GLANCE_SECONDS = 0.02
@@ -35,8 +35,8 @@ class FrameLender:
         self._trial, self._role = trial, trial.role
         self.spoil_everything()
         self.connection = connection or reading(trial)
-        self._former = trial.peer.on_packet
-        trial.peer.on_packet = self._on_packet
+        self._former = trial.peer.on_message
+        trial.peer.on_message = self._on_message
 
     @property
     def size(self) -> tuple[int, int]:
@@ -92,7 +92,7 @@ class FrameLender:
         for slot in range(self._role.slots):
             self.paint(spoilt(*self.size), slot)
 
-    def _on_packet(self, connection: Connection, arrived: Packet) -> None:
+    def _on_message(self, connection: Connection, arrived: Message) -> None:
         released = self._role.with_(connection).released
         before = len(released)
         self._former(connection, arrived)

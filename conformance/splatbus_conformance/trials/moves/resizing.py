@@ -15,7 +15,6 @@ from splatbus_conformance.trials.moves.frame_readers import joined
 from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
-from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import whole, within
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
@@ -130,9 +129,8 @@ def told_at(reader: Connection) -> float:
     """When the newest init packet came, by the monotonic clock: a reader may keep former memory for
     a while from then on (VPT-8).
     """
-    newest = reversed(reader.packets)
-    came = (it.ended for it in newest if "meta" in (read(it.payload).value or {}))
-    return next(came, math.inf)
+    newest = reversed(reader.messages)
+    return next((reader.arrived(it) for it in newest if "meta" in (it.value or {})), math.inf)
 
 
 def size_of(init_packet: Json) -> tuple[int | None, int | None]:

@@ -101,7 +101,7 @@ def stalled(trial: ServerTrial, asks: Json) -> Stalled:
     """Ask for this as often as it takes for replies to wait."""
     connection = trial.dial_narrowly("msg")
     trial.expect(trial.ask(connection, asks), "no-reply", "no reply on the message channel")
-    reply = HEADER + len(connection.packets[-1].payload)
+    reply = HEADER + len(connection.messages[-1].packet.payload)
     stands = Stalled(trial, connection, packet(encode(asks)), reply)
     while stands.pour(PORTION // reply * len(stands.request)):
         stands.look()

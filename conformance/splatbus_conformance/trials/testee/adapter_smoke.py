@@ -40,7 +40,7 @@ def smoke(adapted: Adapted, peer: Peer, role: ScriptedServer) -> None:
     Raises AdapterBroken, and OSError if the command cannot be started.
     """
     peer.clear()
-    peer.on_open, peer.on_packet = role.on_open, role.on_packet
+    peer.on_open, peer.on_message = role.on_open, role.on_message
     for slot in range(role.slots):
         image = painted.coordinates(slot, role.width, role.height)
         painted.write(role.memory, image, slot, role.ring_layout)

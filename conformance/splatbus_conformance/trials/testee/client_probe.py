@@ -16,7 +16,7 @@ from splatbus_conformance.trials.testee.adapter import Greeting
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.trials.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
-from splatbus_conformance.wire.json_reading import read, shorten
+from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import texts, within
 from splatbus_conformance.wire.message_kinds import POSES, REQUESTS, REQUESTS_1_0, newer
 from splatbus_conformance.wire.messages import Json
@@ -248,7 +248,7 @@ def _both(first: ClientFacts, second: ClientFacts) -> ClientFacts:
 
 def _meet(peer: Peer, role: ScriptedServer, testee: Testee, patience: float) -> ClientFacts:
     peer.clear()
-    peer.on_open, peer.on_packet = role.on_open, role.on_packet
+    peer.on_open, peer.on_message = role.on_open, role.on_message
     began = time.monotonic()
     testee.ensure_running()
     peer.until(lambda: peer.connections or testee.ended(), patience)
@@ -360,7 +360,7 @@ def _met(
     connection: Connection, role: ScriptedServer, testee: Testee
 ) -> probe_advice.ObservedConnection:
     dealings = role.with_(connection)
-    unread = (it.payload for it in connection.packets if read(it.payload).value is None)
+    unread = (it.packet.payload for it in connection.messages if it.value is None)
     return probe_advice.ObservedConnection(
         connection.channel,
         connection.port,

@@ -59,7 +59,7 @@ def why_unseen(
     image.draw(0)
     role.speaks, role.device_packet = "1.0", image.init_packet()
     peer.clear()
-    peer.on_open, peer.on_packet = role.on_open, role.on_packet
+    peer.on_open, peer.on_message = role.on_open, role.on_message
     testee.ensure_running()
     pace = of_the_device(peer, testee, stand_in, image, patience + EFFECT_SECONDS)
     peer.close_all()

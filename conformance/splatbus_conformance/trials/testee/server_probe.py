@@ -17,7 +17,6 @@ from splatbus_conformance.trials.scripted_client import DialledConnection, Scrip
 from splatbus_conformance.trials.testee import diagnostics, probe_advice
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
-from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import finite, finites, texts, within
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.recording import WORDS, Channel
@@ -183,7 +182,7 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
     Raises NoVerdict if it accepts no connections on either channel within `patience` seconds.
     """
     peer.clear()
-    peer.on_open, peer.on_packet = viewer.on_open, viewer.on_packet
+    peer.on_open, peer.on_message = viewer.on_open, viewer.on_message
     testee.ensure_running()
     facts = ServerFacts()
     old = {channel: reach(peer, testee, channel, patience) for channel in CHANNELS}
@@ -194,10 +193,10 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
         raise not_met(testee, "server", where, peer.host, patience)
     if (old_msg := old["msg"]) is not None:
         viewer.say(old_msg, {"type": "get_viewport_size"})
-        peer.until(lambda: old_msg.packets or old_msg.ended or testee.ended(), REPLY_SECONDS)
-        facts.answers = bool(old_msg.packets)
+        peer.until(lambda: old_msg.messages or old_msg.ended or testee.ended(), REPLY_SECONDS)
+        facts.answers = bool(old_msg.messages)
     if (old_ipc := old["ipc"]) is not None:
-        peer.until(lambda: old_ipc.packets or testee.ended(), AT_ONCE_SECONDS)
+        peer.until(lambda: old_ipc.messages or testee.ended(), AT_ONCE_SECONDS)
         facts.init_packet = next(iter(viewer.with_(old_ipc).init_packets), None)
         facts.at_once = facts.init_packet is not None
     peer.close_all()
@@ -208,7 +207,7 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
     facts.guarded = any(facts.welcome.values()) and _guards(peer, viewer, testee, patience)
     if facts.listens["ipc"] and facts.at_once_is_late():
         later = reach(peer, testee, "ipc", patience)
-        peer.until(lambda: later is None or later.ended or later.packets, FRAME_SECONDS)
+        peer.until(lambda: later is None or later.ended or later.messages, FRAME_SECONDS)
         told = viewer.with_(later).init_packets if later is not None else []
         facts.at_once = bool(told)
         facts.init_packet = facts.init_packet or next(iter(told), None)
@@ -280,10 +279,10 @@ def _serves_one(
             viewer.say(connection, {"type": "get_viewport_size"})
         most = 1 + facts.guarded
         peer.until(
-            lambda: any(it.ended for it in pair) or all(len(it.packets) >= most for it in pair),
+            lambda: any(it.ended for it in pair) or all(len(it.messages) >= most for it in pair),
             EFFECT_SECONDS,
         )
-        answered = [len(it.packets) >= most for it in pair]
+        answered = [len(it.messages) >= most for it in pair]
         return any(it.ended for it in pair) or (any(answered) and not all(answered))
     peer.pump(GONE_SECONDS)
     return any(it.ended for it in pair)
@@ -356,11 +355,11 @@ def _scene(dealings: DialledConnection) -> Json | None:
 
 
 def _met(connection: Connection, viewer: ScriptedClient) -> probe_advice.ObservedConnection:
-    unread = (it.payload for it in connection.packets if read(it.payload).value is None)
+    unread = (it.packet.payload for it in connection.messages if it.value is None)
     return probe_advice.ObservedConnection(
         connection.channel,
         connection.testee_port,
-        [value for it in connection.packets if (value := read(it.payload).value) is not None],
+        [it.value for it in connection.messages if it.value is not None],
         connection.no_packet,
         next(unread, b""),
     )

@@ -49,7 +49,7 @@ def test_the_miniature_reads_every_pixel(
         role = ScriptedServer(memory, width, height)
         role.speaks, role.device_packet = "1.0", image.init_packet()
         peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
-        peer.on_open, peer.on_packet = role.on_open, role.on_packet
+        peer.on_open, peer.on_message = role.on_open, role.on_message
         peer.listen("ipc")
         peer.listen("msg")
         ports = {f"SPLATBUS_{c.upper()}_PORT": str(port) for c, port in peer.ports.items()}

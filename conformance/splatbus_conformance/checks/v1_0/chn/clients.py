@@ -108,7 +108,7 @@ def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
 
     def goes_on() -> bool:
         now = (it for it in trial.peer.connections if it.channel == channel)
-        return any(it.open and not it.ended and (it.packets or not says) for it in now)
+        return any(it.open and not it.ended and (it.messages or not says) for it in now)
 
     came = trial.wait(goes_on, trial.patience)
     trial.rest(SETTLE_SECONDS)  # one that was ended long ago is seen to end by now

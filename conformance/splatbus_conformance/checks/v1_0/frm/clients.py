@@ -103,7 +103,7 @@ def check_half_reply_is_discarded(trial: ClientTrial) -> None:
             trial.judge("hangs", what)
         else:
             trial.judge(_outcome_of_replies(trial, again), f"{what}: on the next connection")
-            trial.delivered += bool(again.packets)
+            trial.delivered += bool(again.messages)
 
 
 def _outcome_of_replies(trial: ClientTrial, connection: Connection) -> str:

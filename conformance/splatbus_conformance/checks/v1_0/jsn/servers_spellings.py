@@ -12,7 +12,6 @@ from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
-from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import show
 from splatbus_conformance.wire.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.wire.packets import packet
@@ -56,14 +55,14 @@ def of_requests(trial: ServerTrial) -> Iterator[Judge]:
         payload, plain = writer(request), encode(request)
         if plain not in plainly:
             plainly[plain] = trial.ask(connection, request) or {}
-        packets = len(connection.packets)
+        before = len(connection.messages)
         for script in (payload, encode(VIEWPORT_REQUEST)):
             connection.send(packet(script))
-        trial.wait(lambda: len(connection.packets) >= packets + 2 or connection.ended)
-        taken = len(connection.packets) >= packets + 2
+        trial.wait(lambda: len(connection.messages) >= before + 2 or connection.ended)
+        taken = len(connection.messages) >= before + 2
         closed = "closes" if connection.ended else "ignores"
         trial.judge("accepts" if taken else trial.fate() or closed, f"the request {shown(payload)}")
-        said = read(connection.packets[packets].payload).value or {}
+        said = connection.messages[before].value or {}
         if another_answer(said, plainly[plain]):  # or what was asked for has changed meanwhile
             plainly[plain] = trial.ask(connection, request) or {}
         told = f"the request {shown(payload)} is answered by {show(said)}"

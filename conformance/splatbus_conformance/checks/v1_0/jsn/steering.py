@@ -5,7 +5,6 @@ from contextlib import nullcontext
 from splatbus_conformance.checks import check
 from splatbus_conformance.checks.v1_0.cud.clients import image_of
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.message_kinds import POSES
 
 
@@ -29,7 +28,7 @@ def check_writes_numbers_once_it_has_images(trial: ClientTrial) -> None:
             trial.not_observable(
                 "the testee sent no pose that can be read after an init packet of 1.0"
             )
-        heard = (m for it in conversations(trial.peer.entries) for m in it.sent_by("client"))
+        heard = (m for it in trial.peer.conversations() for m in it.sent_by("client"))
         faults = [it for m in heard if m.kind in POSES for it in m.faults]
         wrong = next((it for it in faults if it.requirement == trial.requirement.id), None)
         if wrong:

@@ -145,16 +145,16 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     dealings = trial.role.with_(connection)
     asks = trial.wait(lambda: dealings.count("get_viewport_size") or connection.ended)
     trial.role.has_image = True
-    if not (asks and connection.packets):
+    if not (asks and connection.messages):
         trial.not_observable("the testee does not ask for the size when it connects again")
-    told = connection.packets[-1].ended
+    told = connection.arrived(connection.messages[-1])
     if not trial.wait(lambda: dealings.count("get_viewport_size") > 1):
         trial.expect(not trial.fate(), "ended", "told [0,0], it did not go on")
         trial.not_observable("the testee does not ask again: it may not need the size")
     asked = next(
-        p.ended
-        for p, m in zip(reversed(connection.packets), reversed(dealings.heard), strict=True)
-        if m.get("type") == "get_viewport_size"
+        connection.arrived(it)
+        for it in reversed(connection.messages)
+        if it.type == "get_viewport_size"
     )
     least = LIMITS["ask_again_min_seconds"]
     trial.expect(

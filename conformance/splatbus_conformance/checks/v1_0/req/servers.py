@@ -74,7 +74,7 @@ def check_one_reply_each_in_order(trial: ServerTrial) -> None:
     usual = ["size", "camera", "camera", "size", "pose", "unknown"] * 40
     connection = trial.dial("msg")
     for kinds in trial.each([usual], REQUESTS, quick=30, full=1000):
-        if len(connection.packets) > MANY_PACKETS:
+        if len(connection.messages) > MANY_PACKETS:
             connection.close()
             connection = trial.dial("msg")
         before = len(trial.replies(connection))

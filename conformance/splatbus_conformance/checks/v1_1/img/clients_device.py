@@ -8,7 +8,6 @@ from splatbus_conformance.images.memory.cuda_stand_in import usage
 from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
-from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.sockets import Connection
 
 LENDING = ("stand-in", "returns:ipc", "capability:cuda_ipc", "capability:frames")
@@ -50,11 +49,11 @@ def released_at(trial: ClientTrial, connection: Connection, seq: int) -> float:
     """When the release of a frame had arrived; skips the check if none does."""
     if not trial.releases(connection, seq):
         trial.not_observable(f"frame {seq} was not released")
-    for packet in connection.packets:
-        message = read(packet.payload).value or {}
-        if message.get("type") == "release" and message.get("seq") == seq:
-            return packet.ended
-    raise AssertionError("a release that was heard is among the packets")
+    return next(
+        connection.arrived(it)
+        for it in connection.messages
+        if it.type == "release" and (it.value or {}).get("seq") == seq
+    )
 
 
 @check("IMG-12", observable="one release for each frame of device memory", needs=LENDING)

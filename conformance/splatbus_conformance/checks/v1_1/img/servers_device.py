@@ -11,7 +11,6 @@ from splatbus_conformance.images.memory.cuda_stand_in import publishing
 from splatbus_conformance.images.memory.cuda_stand_in.session import SLOW_RECORDS
 from splatbus_conformance.trials.moves.frame_readers import answer_and_leave
 from splatbus_conformance.trials.server import ServerTrial
-from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.json_values import whole
 
 LENDS = ("1.1", "stand-in", "capability:cuda_ipc", "capability:frames", "frames")
@@ -51,8 +50,8 @@ def check_records_the_event_before_the_frame(trial: ServerTrial) -> None:
 
 def arrivals(trial: ServerTrial, shown: AnnouncedConnection) -> list[float]:
     """When each frame had arrived."""
-    packets = ((packet, read(packet.payload).value) for packet in shown.connection.packets)
-    return [packet.ended for packet, value in packets if value and value.get("type") == "frame"]
+    connection = shown.connection
+    return [connection.arrived(it) for it in connection.messages if it.type == "frame"]
 
 
 @check("OPN-8", observable="the calls that free, while a ring is open", needs=LENDS)

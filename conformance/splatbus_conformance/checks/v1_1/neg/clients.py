@@ -37,7 +37,7 @@ def heard(trial: ClientTrial, connection: Connection) -> set[str]:
 
 def listen(trial: ClientTrial, *connections: Connection) -> None:
     """Give what need not come several times as long as this testee took to say its first word."""
-    first = [it.packets[0].ended - it.opened for it in connections if it.packets]
+    first = [it.arrived(it.messages[0]) - it.opened for it in connections if it.messages]
     trial.rest(max(LISTENING_SECONDS, *(4 * seconds for seconds in first), 0.0))
 
 
@@ -99,7 +99,7 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     connections = [trial.connection(channel) for channel in sorted(trial.facts.connects)]
     for connection in connections:
         if trial.facts.speaks_1_1(connection.channel):
-            trial.grows(connection, connection.packets)
+            trial.grows(connection, connection.messages)
     listen(trial, *connections)
     for connection in connections:
         early = heard(trial, connection) - {"hello"}
@@ -136,7 +136,7 @@ def check_sends_only_what_was_granted_on_the_message_channel(
 ) -> None:
     """A welcome that grants nothing, then one for each capability that the testee declares."""
     connection = unwelcome(trial, "msg")
-    said = len(connection.packets)
+    said = len(connection.messages)
     trial.role.welcome(connection, capabilities=granted)
     listen(trial, connection)
     for message in trial.role.with_(connection).heard:
@@ -144,7 +144,7 @@ def check_sends_only_what_was_granted_on_the_message_channel(
         needed = "intrinsics" if "intrinsics" in newer(message) else needed
         what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
         trial.expect(needed in (None, *granted), "not-granted", f"{what} lists {granted}")
-    trial.delivered += len(connection.packets) > said
+    trial.delivered += len(connection.messages) > said
 
 
 def judge_agreement(trial: ClientTrial, connection: Connection, what: str) -> None:
@@ -231,11 +231,11 @@ def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> No
     waiting = [request["id"] for request in unanswered if "id" in request]
     for message in trial.each([WEATHER | {"id": (waiting or [0])[-1]}], messages, quick=5, full=50):
         connection = trial.greeted("msg") if connection.ended else connection
-        before = len(connection.packets)
+        before = len(connection.messages)
         connection.send(packet(encode(message)))
         while unanswered:  # nobody has to wait for a reply for long (CHN-15)
             trial.role.reply(connection, unanswered.pop(0))
-        trial.grows(connection, connection.packets, before)
+        trial.grows(connection, connection.messages, before)
         outcome = "closes" if connection.ended else "ignores"
         trial.judge(outcome, f"a message of type {message['type']!r} on the message channel")
         trial.delivered += 1

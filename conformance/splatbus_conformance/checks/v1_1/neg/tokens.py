@@ -150,7 +150,7 @@ def expect_refusal(trial: ServerTrial, channel: Channel, token: str | None) -> N
     what = f"{channel}: a hello with " + ("no token" if token is None else f"the token {token!r}")
     connection, _ = refused(trial, channel, "unauthorized", what, token=token)
     trial.expect(trial.ends(connection), "not-closed", f"{what} was refused, and not closed")
-    packets = len(connection.packets)
+    packets = len(connection.messages)
     trial.expect(
         packets == 1,
         "further-packet",
@@ -167,7 +167,7 @@ def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
         for request in trial.each(requests):
             connection = trial.before_hello("msg")
             connection.send(packet(encode(request)))
-            replies = trial.grows(connection, connection.packets, 0, GLANCE_SECONDS)
+            replies = trial.grows(connection, connection.messages, 0, GLANCE_SECONDS)
             trial.expect(not replies, "replies", f"{request['type']} without hello got a reply")
             outcome = trial.fate() or ("closes" if connection.ended else "ignores")
             trial.judge(outcome, f"{request['type']} without hello")

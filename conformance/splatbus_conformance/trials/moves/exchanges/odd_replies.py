@@ -5,10 +5,11 @@ from typing import Any
 from splatbus_conformance.cases.valid.numbers import nearest, unquoted
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.wire.conversation import Message
 from splatbus_conformance.wire.json_values import whole
 from splatbus_conformance.wire.message_kinds import REQUESTS
 from splatbus_conformance.wire.messages import Json, reply
-from splatbus_conformance.wire.packets import Packet, packet
+from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 _REPLY = reply({"type": "get_camera_pose", "cam_idx": 0}, typed=False) or {}
@@ -34,9 +35,9 @@ class OddReplies:
         self.told: dict[int, list[Pose]] = {}
         self._former: dict[int, list[Pose]] = {}
         self._trial = trial
-        self._on_former_packet = trial.peer.on_packet
+        self._on_former_packet = trial.peer.on_message
         trial.role.replies = False
-        trial.peer.on_packet = self._on_packet
+        trial.peer.on_message = self._on_message
 
     def ask(self, requests: list[Any]) -> None:
         """Have the client make these requests, and do not wait for what it makes of the replies."""
@@ -59,7 +60,7 @@ class OddReplies:
             self._answer(connection, request)
         self.waiting = []
 
-    def _on_packet(self, connection: Connection, arrived: Packet) -> None:
+    def _on_message(self, connection: Connection, arrived: Message) -> None:
         heard = self._trial.role.with_(connection).heard
         before = len(heard)
         self._on_former_packet(connection, arrived)
