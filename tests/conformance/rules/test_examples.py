@@ -20,6 +20,7 @@ from tests.conformance.rules.talk import (
     about_generation,
     breaches,
     client,
+    first_breach,
     frame,
     greeting,
     hello,
@@ -186,6 +187,9 @@ def test_invalid_examples_break_what_they_say(example: Example) -> None:
         expected |= {"REQ-14", "EVO-2"}
     assert found <= expected
     assert found or not expected
+    if {example.requirement} == found:
+        told = first_breach(around(example)).pointer
+        assert example.pointer.startswith(told) or told.startswith(example.pointer)
 
 
 def spells_a_number(example: Example) -> bool:

@@ -76,11 +76,6 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize("number", [1.5, None, True, "first", 2**53])
-def test_neg_27_wants_an_integer(number: object) -> None:
-    assert breaches(asks_with(number)) == {("client", "NEG-27"): 1}
-
-
 @pytest.mark.parametrize("id", [{"id": 3}, {}])
 def test_an_error_answers_too_and_one_without_id_any_request(id: dict) -> None:
     refused = server({"type": "error", "code": "internal", "message": "", **id})

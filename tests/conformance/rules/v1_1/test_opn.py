@@ -85,13 +85,6 @@ def test_what_was_opened_is_closed_once() -> None:
 
 
 @pytest.mark.parametrize("kind", ["opened", "open_failed", "closed"])
-@pytest.mark.parametrize("generation", [..., 0, 1.5, True, None, [1], "one", 2**53])
-def test_opn_13_wants_a_generation(kind: str, generation: Any) -> None:
-    wrong = changed(about_generation(kind, reason="no"), "/generation", generation)
-    assert breaches(answered(client(wrong))) == {("client", "OPN-13"): 1}
-
-
-@pytest.mark.parametrize("kind", ["opened", "open_failed", "closed"])
 def test_a_generation_that_was_never_announced_breaks_opn_11(kind: str) -> None:
     wrong = about_generation(kind, 2, reason="no")
     assert breaches(answered(client(wrong))) == {("client", "OPN-11"): 1}
@@ -100,17 +93,6 @@ def test_a_generation_that_was_never_announced_breaks_opn_11(kind: str) -> None:
 def test_a_generation_as_a_string_breaks_jsn_4_alone() -> None:
     as_text = changed(about_generation("opened"), "/generation", "1")
     assert breaches(answered(client(as_text))) == {("client", "JSN-4"): 1}
-
-
-def test_open_failed_without_a_reason_breaks_opn_13() -> None:
-    silent = client(about_generation("open_failed"))
-    assert breaches(answered(silent)) == {("client", "OPN-13"): 1}
-
-
-@pytest.mark.parametrize("reason", [None, 2, "", "r" * 1025])
-def test_opn_3_wants_a_text(reason: Any) -> None:
-    wrong = changed(about_generation("open_failed", reason="no"), "/reason", reason)
-    assert breaches(answered(client(wrong))) == {("client", "OPN-3"): 1}
 
 
 def test_an_init_packet_passed_over_shows_at_the_end() -> None:
