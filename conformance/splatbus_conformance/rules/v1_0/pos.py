@@ -29,11 +29,9 @@ def well_formed_pose(conversation: Conversation) -> Iterator[Sighting]:
 def timestamp_is_a_number(conversation: Conversation) -> Iterator[Sighting]:
     """POS-8: a timestamp is a number."""
     for message in _stamped(conversation):
-        assert message.value is not None
-        timestamp = message.value["timestamp"]
-        wrong = Breach("not-a-number", f"timestamp is {show(timestamp)}, no number")
-        fits = is_number(timestamp)
-        yield about(conversation, message, "POS-8", None if fits else wrong, "/timestamp")
+        version = "1.0" if message.kind in CLIENT_1_0 else "1.1"
+        shown = form(message.value or {}, str(message.kind), "POS-8", version=version)
+        yield from judged(conversation, message, shown)
 
 
 @rule("POS-9")

@@ -5,12 +5,12 @@ from typing import NamedTuple
 
 from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
-from splatbus_conformance.rules.form import greeting
+from splatbus_conformance.rules.form import form, greeting
 from splatbus_conformance.rules.v1_0.ini import layout
 from splatbus_conformance.rules.v1_0.req_replies import viewport_size
 from splatbus_conformance.rules.v1_1.mem import capabilities
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import SAFE, integer_in, show, whole
+from splatbus_conformance.wire.json_values import show, whole
 from splatbus_conformance.wire.message_kinds import (
     ADDED_MEMBERS,
     CLIENT_1_1,
@@ -109,10 +109,8 @@ def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-27: the `id` of a request after `welcome` is an integer from 0 to 2⁵³−1."""
     for message, _, welcome in conversation.placed(*REQUESTS):
         if welcome is not None and "id" in (message.value or {}):
-            given = (message.value or {})["id"]
-            text = f"id is {show(given)}, no integer from 0 to {SAFE}"
-            wrong = None if integer_in(given, 0) else Breach("out-of-range", text)
-            yield about(conversation, message, "NEG-27", wrong, "/id")
+            value = message.value or {}
+            yield from judged(conversation, message, form(value, str(message.kind), "NEG-27"))
 
 
 @rule("NEG-37")

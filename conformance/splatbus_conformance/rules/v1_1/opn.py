@@ -4,14 +4,12 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from splatbus_schemas import LIMITS
-
-from splatbus_conformance.rules import Breach, Rule, Sighting, about, rule
+from splatbus_conformance.rules import Breach, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules.form import form
 from splatbus_conformance.rules.v1_1.mem import AnnouncedMemory, announced
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import SAFE, as_cut, integer_in, show, text_of, whole
+from splatbus_conformance.wire.json_values import as_cut, integer_in, show, whole
 
-MAX_REASON: int = LIMITS["max_reason_chars"]
 ANSWERS = ("opened", "open_failed")
 
 
@@ -54,9 +52,9 @@ def one_answer_to_each_init_packet(conversation: Conversation) -> Iterator[Sight
                 yield about(conversation, packet.message, "OPN-1", breach, peer="client")
 
 
-@rule("OPN-13")
+@rule("OPN-13", "OPN-3")
 def well_formed_answer(conversation: Conversation) -> Iterator[Sighting]:
-    """OPN-13: the members of `opened`, `open_failed` and `closed`.
+    """OPN-13, OPN-3: the members of `opened`, `open_failed` and `closed`.
 
     A generation that an init packet had is not judged, whatever it is.
     """
@@ -64,28 +62,13 @@ def well_formed_answer(conversation: Conversation) -> Iterator[Sighting]:
     for message, hello, _ in conversation.placed("init_packet", *ANSWERS, "closed"):
         value = message.value or {}
         if message.kind == "init_packet":
-            had.append(value.get("generation"))
+            had += [value["generation"]] if "generation" in value else []
         elif hello is not None:
-            generation, pointer, wrong = value.get("generation"), "/generation", None
-            if "generation" not in value:
-                wrong = Breach("no-generation", "generation is missing")
-            elif not integer_in(generation, 1) and not any(_same(g, generation) for g in had):
-                text = f"generation is {show(generation)}, no integer from 1 to {SAFE}"
-                wrong = Breach("out-of-range", text)
-            elif message.kind == "open_failed" and "reason" not in value:
-                wrong, pointer = Breach("no-reason", "reason is missing"), "/reason"
-            yield about(conversation, message, "OPN-13", wrong, pointer)
-
-
-@rule("OPN-3")
-def reason_of_failure(conversation: Conversation) -> Iterator[Sighting]:
-    """OPN-3: `open_failed` says why."""
-    for message, hello, _ in conversation.placed("open_failed"):
-        if "reason" in (message.value or {}) and hello is not None:
-            reason = (message.value or {})["reason"]
-            text = f"reason is {show(reason)}, no string of 1 to {MAX_REASON:,} characters"
-            wrong = None if text_of(reason, 1, MAX_REASON) else Breach("bad-string", text)
-            yield about(conversation, message, "OPN-3", wrong, "/reason")
+            known = any(_same(each, value.get("generation", ...)) for each in had)
+            shows = ("OPN-13", "OPN-3") if "reason" in value else ("OPN-13",)
+            judgements = form(value, str(message.kind), *shows)
+            told = (it for it in judgements if not (known and it.pointer == "/generation"))
+            yield from judged(conversation, message, told)
 
 
 @rule("OPN-7")
@@ -158,6 +141,5 @@ def _same(one: object, other: object) -> bool:
 RULES: tuple[Rule, ...] = (
     well_formed_answer,
     one_answer_to_each_init_packet,
-    reason_of_failure,
     further_init_packets_are_agreed,
 )

@@ -40,13 +40,13 @@ def answers_twice(patch: Patch) -> None:
     client.SAYS_OPENED.wrap(patch, opened)
 
 
-@mutant("OPN-13", code="no-generation")
+@mutant("OPN-13", code="missing-member")
 def answers_without_a_generation(patch: Patch) -> None:
     """Answers `opened` without saying what."""
     messages(patch, of_type("opened", without("generation")))
 
 
-@mutant("OPN-13", code="no-reason", through="MEM-6")
+@mutant("OPN-13", code="missing-member", through="MEM-6")
 def declines_without_a_reason(patch: Patch) -> None:
     """Answers `open_failed` without a reason."""
     messages(patch, of_type("open_failed", without("reason")))
