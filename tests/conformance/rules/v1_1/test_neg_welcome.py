@@ -20,6 +20,7 @@ from tests.conformance.rules.talk import (
     changed,
     client,
     error,
+    first_breach,
     greeting,
     hello,
     server,
@@ -133,6 +134,29 @@ def test_neg_10_wants_the_end() -> None:
 def test_memory_before_unauthorized_breaks_neg_18() -> None:
     leaking = talk("ipc", server(CUDA_INIT), client(hello(*ALL)), server(UNAUTHORIZED))
     assert breaches(leaking) == {("server", "NEG-18"): 1}
+
+
+@pytest.mark.parametrize(
+    ("pointer", "value"),
+    [
+        ("/code", ...),
+        ("/code", 404),
+        ("/message", ...),
+        ("/message", None),
+        ("/message", "m" * 1025),
+        ("/supported", ["1.1"]),
+        ("/pointer", "rotation"),
+        ("/pointer", "/a~2b"),
+        ("/pointer", ["rotation"]),
+        ("/id", -1),
+        ("/id", None),
+    ],
+)
+def test_neg_23_covers_every_member(pointer: str, value: Any) -> None:
+    """The wire takes any error (NEG-24): this is what the schema is held to."""
+    broken = answers(welcome(), changed(BUSY, pointer, value))
+    assert breaches(broken) == {("server", "NEG-23"): 1}
+    assert first_breach(broken).pointer == pointer
 
 
 @pytest.mark.parametrize("pointer", ["", "/", "/rotation/w", "/a~0b~1c", "/\n"])
