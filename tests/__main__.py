@@ -1,7 +1,7 @@
-"""Run all that must pass: linters, types, import rules, the specification, the tests, the selftest.
+"""Run all that must pass: linters, types, import rules, the specification, the tests, the zoo.
 
 `python -m tests` runs every step, `python -m tests lint types` those that are named;
-`python -m tests long` what takes hours (`long.py`).
+`python -m tests zoo --only NAME` some of the zoo, `python -m tests long` what takes hours.
 """
 
 import os
@@ -66,7 +66,7 @@ READ = {
     "types": (*PYTHON, "mypy", *PACKAGES),
     "win32": (
         *(*ELSEWHERE, "--platform", "win32", "--cache-dir", ".mypy_cache/win32"),
-        *("--follow-imports", "silent", "--exclude", "selftest", *PACKAGES),  # which forks
+        *("--follow-imports", "silent", *PACKAGES),
     ),
     "darwin": (*ELSEWHERE, "--platform", "darwin", "--cache-dir", ".mypy_cache/darwin", *PACKAGES),
     "python3.10": (  # mypy's oldest
@@ -78,8 +78,8 @@ RUN = {
     "tests": (*PYTHON, "pytest", "--quiet", "-p", "tests.dealer", "--deal", str(3 * CORES)),
     "zoo": (*PYTHON, "tests.zoo"),
     "machine": (
-        *(*PYTHON, "splatbus_conformance", "--plain", "selftest", "--machine"),
-        *("--count", "20", "--again", "tests/data/machine_mutants.json"),
+        *(*PYTHON, "tests.zoo.machine", "--count", "20"),
+        *("--again", "tests/data/machine_mutants.json"),
     ),
 }
 """What runs them, on all that are left."""
@@ -98,8 +98,8 @@ class Running:
 
 def main(wanted: list[str]) -> int:
     """Run the steps named, or all: those of both kinds beside each other, until one fails."""
-    if wanted[:1] == ["long"]:
-        return subprocess.run((*PYTHON, "tests.long", *wanted[1:]), cwd=ROOT).returncode
+    if wanted[:1] == ["long"] or (wanted[:1] == ["zoo"] and any(it[:1] == "-" for it in wanted)):
+        return subprocess.run((*PYTHON, f"tests.{wanted[0]}", *wanted[1:]), cwd=ROOT).returncode
     if unknown := set(wanted) - set(STEPS):
         print(f"no such step: {', '.join(sorted(unknown))}; there are {', '.join(STEPS)}")
         return 2

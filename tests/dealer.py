@@ -22,11 +22,11 @@ from typing import Any
 
 import pytest
 from splatbus_conformance import guard
-from splatbus_conformance.selftest.processes.spare import LOOK_SECONDS, Spare
 
 from tests.durations import Durations
 from tests.keeper import Fate, Kept, abandoned, end, segments
 from tests.progress import Progress
+from tests.zoo.processes.spare import LOOK_SECONDS, Spare
 
 SOME = 5
 """That are named of many."""

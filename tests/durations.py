@@ -1,7 +1,6 @@
 """How long things took before, for whoever shares them out; each run renews what it ran.
 
-Checks and specimens are data of the harness; files of tests and the steps of the command are in
-`tests/data/durations.json`.
+Those of checks are data of the harness; the others are in `tests/data/durations.json`.
 """
 
 import json

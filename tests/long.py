@@ -52,10 +52,11 @@ NO_PART = (
     ":(exclude)*.png",
     ":(exclude)conformance/guides",
     ":(exclude)conformance/site",
-    ":(exclude)conformance/splatbus_conformance/selftest/mutants/stateful",
-    ":(exclude)conformance/splatbus_conformance/selftest/mutants/v1_0",
-    ":(exclude)conformance/splatbus_conformance/selftest/mutants/v1_1",
-    ":(exclude)conformance/splatbus_conformance/selftest/variations",
+    ":(exclude)tests/zoo/mutants/stateful",
+    ":(exclude)tests/zoo/mutants/v1_0",
+    ":(exclude)tests/zoo/mutants/v1_1",
+    ":(exclude)tests/zoo/variations",
+    ":(exclude,glob)tests/zoo/**/test_*.py",
     ":(exclude)reference_client/blender",
     ":(exclude)reference_client/cpp",
     ":(exclude)reference_client/csharp",
@@ -69,7 +70,7 @@ NO_PART = (
     ":(exclude)tests/foreign/test_*.py",
 )
 """Nothing here judges, or is judged here but by tasks that are named by it."""
-JUDGES = ("conformance", "schemas/splatbus_wire", *NO_PART)
+JUDGES = ("conformance", "schemas/splatbus_wire", "tests/zoo", *NO_PART)
 JUDGED = (*JUDGES, "schemas", "reference_client", "reference_server", "tests/foreign")
 """A result is of these sources."""
 ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl", "opengl device")}
@@ -328,7 +329,7 @@ def done(task: Task) -> Outcome:
 def mutants(state: dict[str, Any], until: float) -> None:
     """Go on with the mutants; what was judged stays when they are interrupted."""
     began = time.monotonic()
-    line = [sys.executable, "-m", "splatbus_conformance", "--plain", "selftest", "--machine"]
+    line = [sys.executable, "-m", "tests.zoo.machine"]
     line += ["--count", str(COUNT), "--seed", str(SEED), "--json", str(MUTANTS), "--resume"]
     MUTANTS.parent.mkdir(exist_ok=True)
     process = subprocess.Popen(line, cwd=ROOT)

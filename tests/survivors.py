@@ -22,7 +22,7 @@ PAGE = Path(__file__).parents[1] / "conformance" / "SURVIVORS.md"
 SEEN = ("killed", "not executed")
 HEAD = (
     "# Mutants made by machine that live\n\n"
-    "`splatbus-conformance selftest --machine` changes the reference's own sources (a comparison, "
+    "`python -m tests.zoo.machine` changes the reference's own sources (a comparison, "
     "a bound, a dropped statement), and asks the harness and the tests of each. What the harness "
     "does not see is below, by family: why, or what it would take. They were sorted by reading "
     "them, mostly a function at a time. A test holds that every one is in a family; "

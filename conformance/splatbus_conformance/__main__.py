@@ -17,9 +17,8 @@ def main() -> int:
         extra = "pip install 'splatbus-protocol[conformance]'"
         sys.exit(f"the harness needs {', '.join(missing)}; install with: {extra}")
     from splatbus_conformance.cli.main import main as begin
-    from splatbus_conformance.selftest.options import declare
 
-    return begin(further=(declare,))
+    return begin()
 
 
 if __name__ == "__main__":

@@ -23,7 +23,8 @@ from splatbus_conformance.wire.ports import free_port
 from tests.guides.pages import ROOT
 
 GUIDES = ROOT / "conformance" / "guides"
-CLIENT = f'"{sys.executable}" "{GUIDES / "minimal_client.py"}"'
+EXAMPLE = ROOT / "conformance" / "splatbus_conformance" / "minimal_client.py"
+CLIENT = f'"{sys.executable}" "{EXAMPLE}"'
 SERVER = f'"{sys.executable}" -u -m splatbus_renderer'
 PROGRAMS = {
     "my-viewer": CLIENT,

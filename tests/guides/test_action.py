@@ -19,7 +19,7 @@ import pytest
 import splatbus_conformance.cli.parsing
 import yaml
 
-from tests.guides.desk import CLIENT, GUIDES
+from tests.guides.desk import CLIENT, EXAMPLE, GUIDES
 from tests.guides.pages import ROOT
 
 ACTION = yaml.safe_load((ROOT / "action.yml").read_text("utf-8"))
@@ -124,7 +124,7 @@ def test_a_client_that_conforms_is_told_so(installed: dict[str, str], tmp_path: 
 def test_one_that_does_not_fails_the_job_and_leaves_its_script(
     installed: dict[str, str], tmp_path: Path
 ) -> None:
-    source = (GUIDES / "minimal_client.py").read_text("utf-8")
+    source = EXAMPLE.read_text("utf-8")
     assert source.count(LEAVES_EMPTY_PAYLOADS[0]) == 1
     (tmp_path / "viewers").mkdir()
     (tmp_path / "viewers" / "mine.py").write_text(source.replace(*LEAVES_EMPTY_PAYLOADS), "utf-8")

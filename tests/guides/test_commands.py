@@ -28,7 +28,6 @@ from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import plan_of, wishes_of
 from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.plan import Side
-from splatbus_conformance.selftest.options import declare
 
 from tests.guides import desk
 from tests.guides.pages import ALL, SHELLS, Block, our_commands
@@ -156,7 +155,7 @@ def test_the_options_of_a_command_that_takes_a_whole_run_go_together(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     side: Side = "server" if " server " in line else "client"
-    arguments = parser((declare,)).parse_args(shlex.split(line)[1:])
+    arguments = parser().parse_args(shlex.split(line)[1:])
     assert plan_of(side, arguments)
     assert wishes_of(side, arguments).write_expected == Path("known.toml")
 
@@ -186,7 +185,7 @@ def test_no_command_hides_in_a_block_of_another_kind() -> None:
 
 
 def _parse(arguments: list[str]) -> None:
-    top = parser((declare,))
+    top = parser()
     found = top.parse_args(arguments)
     if found.command in ("client", "server"):
         assert plan_of(found.command, found)

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 
 from tests.conformance.harness import run
-from tests.guides.desk import GUIDES
+from tests.guides.desk import EXAMPLE, GUIDES
 from tests.guides.pages import ROOT, Block, blocks
 
 WRITING = [it for it in blocks(GUIDES / "write-a-client.md") if it.language == "python"]
@@ -39,12 +39,12 @@ def send_camera(position, rotation):
 def beside_the_example(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the blocks expect: the folder of the project, and the example within reach."""
     monkeypatch.chdir(ROOT)
-    monkeypatch.syspath_prepend(str(GUIDES))
+    monkeypatch.syspath_prepend(str(EXAMPLE.parent))
     monkeypatch.delitem(sys.modules, "minimal_client", raising=False)
 
 
 def test_the_example_needs_the_standard_library_alone() -> None:
-    tree = ast.parse((GUIDES / "minimal_client.py").read_text("utf-8"))
+    tree = ast.parse(EXAMPLE.read_text("utf-8"))
     imported = {
         name.split(".")[0]
         for node in ast.walk(tree)

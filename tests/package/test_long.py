@@ -75,7 +75,7 @@ def test_what_has_no_part_in_a_result_does_not_end_it():
     assert not [name for name in judged if name.endswith(".md") or "/test_" in name]
     assert not [name for name in judged if "/variations/" in name or "/mutants/v1_0/" in name]
     assert "tests/foreign/programs.py" in judged
-    assert "conformance/splatbus_conformance/selftest/machine/changes.py" in judged
+    assert "tests/zoo/machine/changes.py" in judged
     assert "schemas/splatbus_schemas/limits.json" in judged
 
 

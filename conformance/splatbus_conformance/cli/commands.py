@@ -13,6 +13,7 @@ from splatbus_conformance.cli.arguments import files_of, parse_ports, plan_of, w
 from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.cli.replay import replay_script
 from splatbus_conformance.cli.requirements import PEERS, print_explanation, print_list
+from splatbus_conformance.cli.selftest import selftest
 from splatbus_conformance.data import read_text
 from splatbus_conformance.observe.audit import audit as judge_recording
 from splatbus_conformance.observe.audit import audit_capture
@@ -136,5 +137,5 @@ def explain(arguments: argparse.Namespace, out: Console) -> int:
 
 COMMANDS = {
     it.__name__.rstrip("_"): it
-    for it in (client, server, replay, audit, proxy, report, demo, list_, explain)
+    for it in (client, server, replay, audit, proxy, report, demo, selftest, list_, explain)
 }

@@ -3,26 +3,25 @@
 import os
 import signal
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from splatbus_conformance.cli.commands import COMMANDS
-from splatbus_conformance.cli.parsing import Declare, parser
+from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.plan import NoVerdict, Usage
 from splatbus_conformance.reports.console import complain, complain_of_fault, console
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED, EXIT_NO_VERDICT, EXIT_USAGE
 
 
-def main(argv: Sequence[str] | None = None, further: Iterable[Declare] = ()) -> int:
-    """Run the command; its exit status. `further` as of `parser`."""
-    arguments = parser(further).parse_args(argv)
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command; its exit status."""
+    arguments = parser().parse_args(argv)
     # Whoever starts this in the background of a shell passes on that SIGINT is ignored.
     for ending in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, ending):
             signal.signal(getattr(signal, ending), signal.default_int_handler)
     out = console(arguments.plain)
     try:
-        run = COMMANDS.get(arguments.command) or arguments.run
-        return int(run(arguments, out))
+        return int(COMMANDS[arguments.command](arguments, out))
     except Usage as error:
         out.print(f"splatbus-conformance: {error}")
         return EXIT_USAGE

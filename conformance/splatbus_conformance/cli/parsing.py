@@ -3,7 +3,6 @@
 import argparse
 import math
 import textwrap
-from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
 from splatbus_schemas.version import ShowVersion
@@ -20,8 +19,6 @@ from splatbus_conformance.run.options import DEPLOYED_PORTS, USUAL_SIZE
 from splatbus_conformance.selection import did_you_mean
 
 HELP_WIDTH = 79
-Declare = Callable[["argparse._SubParsersAction[Any]"], None]
-"""Adds a command to the others."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -40,8 +37,8 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"{error.message} {hint}".strip()) from None
 
 
-def parser(further: Iterable[Declare] = ()) -> argparse.ArgumentParser:
-    """The command line, with further commands that these declare."""
+def parser() -> argparse.ArgumentParser:
+    """The command line."""
     top = Parser(
         prog="splatbus-conformance",
         **_prose(
@@ -191,14 +188,14 @@ def parser(further: Iterable[Declare] = ()) -> argparse.ArgumentParser:
     demo = commands_.add_parser("demo", help="judge the reference client")
     format_options(demo)
 
+    commands_.add_parser("selftest", help="see it fail a client that is broken in a dozen ways")
+
     list_ = commands_.add_parser("list", help="every requirement, and how it is checked")
     list_.add_argument("--peer", choices=("client", "server"), help="only those that bind this one")
 
     explain = commands_.add_parser("explain", help="one requirement: sentence, reason, check")
     explain.add_argument("ids", nargs="+", metavar="ID")
 
-    for declare in further:
-        declare(commands_)
     return top
 
 

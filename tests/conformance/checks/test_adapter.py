@@ -15,10 +15,10 @@ from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.checks.v1_0.buf import compositing
 from splatbus_conformance.checks.v1_0.req.adapter import understood
 from splatbus_conformance.data import read_json
-from splatbus_conformance.selftest import judge
-from splatbus_conformance.selftest.registry import mutants
 
 from tests.conformance.harness import run, said
+from tests.zoo import judge
+from tests.zoo.registry import mutants
 
 pytestmark = pytest.mark.apart
 

@@ -25,10 +25,11 @@ from splatbus_conformance.checks.stateful.scripted_clients import VIEWPORT, Aske
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.replay import replay, worked_out
 from splatbus_conformance.run.testbed import Testbed, set_up
-from splatbus_conformance.selftest import mutants
-from splatbus_conformance.selftest.judge import PROGRAMS, USUAL
 from splatbus_conformance.trials.trial import NotObservable, Stand, Trial, Violation
 from splatbus_schemas.requirements import requirements
+
+from tests.zoo import mutants
+from tests.zoo.judge import PROGRAMS, USUAL
 
 JUDGED = "CHN-19"
 MANY = Amount(200, 12)

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 import splatbus_renderer.cli
 import splatbus_viewer.cli
+from splatbus_conformance.cli import selftest
 from splatbus_conformance.cli.arguments import plan_of
 from splatbus_conformance.cli.examples import EXAMPLES
 from splatbus_conformance.cli.main import main
@@ -21,6 +22,8 @@ from splatbus_conformance.plan import SIDES, Usage
 from splatbus_conformance.reports.console import console
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED
 from splatbus_schemas import LIMITS, version
+
+from tests.conformance.harness import run, said
 
 LINES = [
     line.strip()
@@ -194,13 +197,20 @@ def test_an_interrupt_ends_with_its_status_wherever_it_comes(tmp_path: Path) -> 
     """Python notes one in an `exec`, and would end `python -m` by the signal."""
     (tmp_path / "interrupted.py").write_text(
         "import sys\n"
-        "from splatbus_conformance.cli.main import main\n"
-        "def declare(commands):\n"
-        "    there = commands.add_parser('wait')\n"
-        "    there.set_defaults(run=lambda *_: exec('raise KeyboardInterrupt'))\n"
-        "sys.exit(main(['wait'], further=(declare,)))\n",
+        "from splatbus_conformance.cli import main\n"
+        "main.COMMANDS['demo'] = lambda *_: exec('raise KeyboardInterrupt')\n"
+        "sys.exit(main.main(['demo']))\n",
         "utf-8",
     )
     line = [sys.executable, "-m", "interrupted"]
     ended = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (ended.returncode, ended.stderr) == (EXIT_INTERRUPTED, "interrupted\n")
+
+
+def test_the_selftest_is_a_judge_of_the_judge(monkeypatch: pytest.MonkeyPatch) -> None:
+    code, output = run("selftest")
+    assert (code, output.splitlines()[-1]) == (0, "13 of 13 are judged as they must be"), output
+    harmless = selftest.Row("FRM-3", "is as it was", "MAX_PAYLOAD:", "MAX_PAYLOAD :")
+    monkeypatch.setattr(selftest, "ROWS", (harmless,))
+    code, output = said("selftest")
+    assert (code, output.splitlines()[-1]) == (1, "1 of 2 are judged as they must be"), output

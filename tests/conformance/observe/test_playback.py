@@ -144,7 +144,7 @@ def test_what_was_broken_then_is_found_again_or_not(
     entries = load(RECORDINGS / "python-client.jsonl")[:6]
     save([*entries, Entry(0.6, "msg", 1, "c2s", POSE)], file)
     view = f'"{sys.executable}" -m splatbus_viewer view'
-    mutant = f'"{sys.executable}" -m splatbus_conformance.selftest.mutants rotation-without-w view'
+    mutant = f'"{sys.executable}" -m tests.zoo.mutants rotation-without-w view'
     kept = tmp_path / "kept"
     assert replayed(file, "client", "--launch", mutant, "--record", str(kept)) == 1
     assert "\nAGAIN  POS-1" in capsys.readouterr().out

@@ -19,7 +19,7 @@ from splatbus_conformance.images.memory.cuda_stand_in.building import NotAvailab
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.testbed import set_up
-from splatbus_conformance.trials.trial import Violation
+from splatbus_conformance.trials.trial import NotObservable, Violation
 from splatbus_schemas.requirements import requirements
 
 RUNTIME = Path(__file__).with_name("cuda_runtime.py")
@@ -149,7 +149,7 @@ def findings_of(plan: Plan, checks: Mapping[str, Check]) -> dict[str, str]:
                 assert trial.delivered
             except Violation as violation:
                 found[name] = str(violation)
-            except pytest.skip.Exception as skipped:
+            except NotObservable as skipped:
                 found[name] = f"skipped: {skipped}"
             if testbed.testee.ended():
                 trial.end_testee()

@@ -1,0 +1,92 @@
+"""`python -m tests zoo`: the harness is judged, by programs that conform and programs that do not.
+
+The reference pair and its variations must pass, and each mutant must fail for what it breaks. A
+whole run renews how long what took, and the kill matrix if all is as it must be.
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
+
+from tests.durations import HARNESS, ROOT, Durations
+from tests.keeper import abandoned, segments
+from tests.progress import Progress
+from tests.zoo import kill_matrix
+from tests.zoo.judge import GOOD, SpecimenResult
+from tests.zoo.keeping import every_specimen, judge_all, unknown
+from tests.zoo.registry import groups
+
+PAGE = ROOT / "conformance" / "KILL_MATRIX.md"
+
+
+def main() -> int:
+    """1 unless all is as it must be, 2 if somebody is wanted whom there is not."""
+    parser = argparse.ArgumentParser(prog="python -m tests zoo", description=(__doc__ or ""))
+    parser.add_argument("--only", metavar="NAME,…", default="", help="only these specimens")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the kill matrix")
+    parser.add_argument(
+        "--profile",
+        choices=("brief", "quick"),
+        default="brief",
+        help="for variations: all checks, with fewer cases or with all (%(default)s)",
+    )
+    options = parser.parse_args()
+    wanted = [name for name in options.only.split(",") if name]
+    if why := unknown(wanted):
+        print(why)
+        return EXIT_USAGE
+    durations = Durations("specimens")
+    together = {name: group.name for group in groups() for name in group.members}
+    names = wanted or [name for name, _ in every_specimen("brief") if name not in together]
+    if new := durations.unknown(names):
+        print(f"{len(new)} specimens come first, for nobody has measured them", flush=True)
+    progress = Progress("zoo", durations.expected(names))
+
+    def tell(row: SpecimenResult) -> None:
+        progress.done(row.name)
+        now = progress.now([])
+        if wanted or row.fate not in GOOD:
+            print(f"{row.fate:<19}  {row.name}  {row.seconds:.1f} s", flush=True)
+        elif now:
+            print(now, flush=True)
+
+    before = segments()
+    rows = judge_all(wanted, options.profile, tell)
+    for left in abandoned(before):  # by mutants that free nothing
+        left.unlink(missing_ok=True)
+    status = told(rows)
+    if options.json:
+        kill_matrix.save(rows, options.json)
+    if not wanted:
+        renew(rows, together, durations)
+        if status == EXIT_CONFORMING:
+            PAGE.write_text(kill_matrix.markdown(rows), "utf-8")
+    return status
+
+
+def told(rows: Sequence[SpecimenResult]) -> int:
+    """Say what is not as it must be, and how much is; 1 unless all is."""
+    bad = [row for row in rows if row.fate not in GOOD]
+    for row in bad:
+        print(kill_matrix.complaint(row))
+    print(f"\n{kill_matrix.sentence(rows)}")
+    return EXIT_NOT_CONFORMING if bad else EXIT_CONFORMING
+
+
+def renew(rows: list[SpecimenResult], together: dict[str, str], specimens: Durations) -> None:
+    """Store what was measured, of specimens and of the checks of the references."""
+    sides = {side: Durations(side, HARNESS, shortest=0.2) for side in ("client", "server")}
+    for row in rows:
+        specimens.took(together.get(row.name, row.name), row.seconds)
+        for check, seconds in row.checks.items():
+            sides["client" if "client" in row.name else "server"].took(check, seconds)
+    specimens.save(gone=True)
+    for side in sides.values():
+        side.save()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

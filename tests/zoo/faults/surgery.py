@@ -1,0 +1,96 @@
+"""Override one behaviour of the reference from outside."""
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from splatbus_wire import encoding, json_text, packet_reader
+from splatbus_wire.packet_reader import PacketReader
+
+from tests.zoo.faults.patching import Patch
+from tests.zoo.faults.seam import Seam
+from tests.zoo.faults.seams import wire
+
+Json = dict[str, Any]
+STATUS_ACCESS_VIOLATION = 0xC0000005
+
+
+def messages(patch: Patch, change: Callable[[Json], Json]) -> None:
+    """Change each message that is sent, as an object."""
+    Seam(encoding, "message_object").wrap(
+        patch,
+        lambda original, *arguments, **named: change(original(*arguments, **named)),
+    )
+
+
+def payloads(patch: Patch, change: Callable[[bytes], bytes]) -> None:
+    """Change each payload that is sent."""
+    Seam(encoding, "serialize").wrap(patch, lambda original, message: change(original(message)))
+
+
+def counts_each_byte(patch: Patch) -> None:
+    """Give a packet its whole time again with each byte of it."""
+
+    def receive(original: Any, self: PacketReader, data: bytes, now: float) -> None:
+        original(self, data, now)
+        self.deadline = now + packet_reader.COMPLETION_SECONDS
+
+    Seam(PacketReader, "receive").wrap(patch, receive)
+
+
+def packets(patch: Patch, change: Callable[[bytes], bytes]) -> None:
+    """Change each packet that is sent, header included, or what follows it."""
+    wire.ENCODES_PACKET.wrap(patch, lambda original, payload: change(original(payload)))
+
+
+def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
+    """Repair each init packet that is received in place, so that a breach in it is not seen."""
+
+    def parse(original: Callable[[Json], Any], message: Json) -> Any:
+        with contextlib.suppress(Exception):
+            repair(message)
+        return original(message)
+
+    wire.READS_INIT_PACKET.wrap(patch, parse)
+
+
+def adding_up_digits(patch: Patch) -> None:
+    """Read fractions digit by digit, in double precision, as parsers written by hand do."""
+
+    def read(text: str) -> float:
+        digits, _, exponent = text.lower().partition("e")
+        whole, _, fraction = digits.lstrip("-").partition(".")
+        value = 0.0
+        for digit in whole + fraction:
+            value = 10.0 * value + int(digit)
+        value *= 10.0 ** (int(exponent or 0) - len(fraction))
+        return -value if text.startswith("-") else value
+
+    decoder = json.JSONDecoder(
+        object_pairs_hook=json_text.read_members,
+        parse_float=read,
+        parse_int=json_text.read_integer,
+        parse_constant=json_text.read_constant,
+    )
+    wire.PARSES_JSON.replace(patch, decoder)
+    wire.READS_POSE_THE_SHORT_WAY.replace(patch, lambda payload: None)
+
+
+def of_type(kind: str, change: Callable[[Json], Json]) -> Callable[[Json], Json]:
+    """A change of messages of one type only."""
+    return lambda message: change(message) if message.get("type") == kind else message
+
+
+def in_poses(change: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
+    """A change of the payloads of camera poses only."""
+    return lambda payload: change(payload) if b'"type":"camera_pose"' in payload else payload
+
+
+def crash() -> NoReturn:
+    """End this process as a fault in native code does."""
+    if sys.platform == "win32":
+        os._exit(STATUS_ACCESS_VIOLATION - 2**32)
+    os.abort()

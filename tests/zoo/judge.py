@@ -1,0 +1,232 @@
+"""Run the harness, as a process, on one specimen, and say what came of it."""
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from splatbus_conformance.plan import Side
+from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
+
+from tests.zoo import mutants
+from tests.zoo.mutant import RULE, Mutant, Variation
+from tests.zoo.processes import harnesses
+
+REFERENCE: dict[str, tuple[Side, str]] = {
+    "reference-client": ("client", ""),
+    "reference-client-beside-its-adapter": ("client", "unity"),
+    "reference-server": ("server", ""),
+    "reference-server-that-wants-a-token": ("server", ""),
+}
+"""Which side each is on, and the axes of its adapter."""
+TOLD = {"reference-server-that-wants-a-token": {"SPLATBUS_TOKEN": "a token"}}
+"""What the harness and its testee find in their environment."""
+SILENT_SECONDS = 400.0
+"""For so long a harness that still runs may say nothing."""
+PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_renderer"}
+"""The references that a person starts."""
+USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
+"""What a specimen is told on its command line."""
+OUTPUT_CHARS = 600
+
+
+class Fate(StrEnum):
+    """What became of a specimen; the first three are as they should be."""
+
+    PASSED = "passed"
+    """The reference conforms."""
+    KILLED = "killed"
+    """The named check found the mutant out, by the code that it names."""
+    ALLOWED = "survived, as it must"
+    """The variation conforms."""
+    SURVIVED = "survived"
+    """No check of the broken requirement failed: they are too weak."""
+    MISTAKEN = "killed for another reason"
+    """The requirement failed, but by another check or for another reason than was declared."""
+    CONDEMNED = "condemned wrongly"
+    """A conforming program failed: a check is too strict."""
+    NO_VERDICT = "no verdict"
+    """The harness came to none; its last words are in `note`."""
+
+
+GOOD = frozenset({Fate.PASSED, Fate.KILLED, Fate.ALLOWED})
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One check's verdict on one specimen."""
+
+    requirement: str
+    check: str
+    verdict: str
+    text: str
+    code: str = ""
+
+    @property
+    def condemns(self) -> bool:
+        """The verdict is one that a testee gets for breaking a requirement."""
+        return self.verdict in (Verdict.FAIL, Verdict.WARN)
+
+
+@dataclass(frozen=True)
+class SpecimenResult:
+    """What the harness said of one specimen."""
+
+    name: str
+    kind: str
+    """`reference`, `variation` or `mutant`."""
+    does: str
+    fate: Fate
+    cells: tuple[Cell, ...]
+    seconds: float
+    requirement: str = ""
+    check: str = ""
+    code: str = ""
+    """That a mutant has to fail with."""
+    note: str = ""
+    checks: Mapping[str, float] = field(default_factory=dict)
+    """Of a reference: the seconds of each check that delivered something."""
+
+    @property
+    def seen(self) -> str:
+        """What was found out: the verdict that killed a mutant, or what else there is to say."""
+        if self.kind == "mutant":
+            told = [c for c in self.cells if c.requirement == self.requirement]
+            told.sort(key=lambda cell: (not cell.condemns, cell.check != self.check))
+            return self.note or "; ".join(f"{c.verdict} {c.code}: {c.text}" for c in told[:2])
+        return self.note or "; ".join(f"{c.requirement}: {c.text}" for c in self.cells)
+
+    def as_json(self) -> dict[str, Any]:
+        """For the stored matrix."""
+        return {**asdict(self), "seconds": round(self.seconds, 1)}
+
+
+def judge_reference(name: str) -> SpecimenResult:
+    """Run every check on the reference client, or on the reference server."""
+    side, axes = REFERENCE[name]
+    does, profile = f"the reference {side} as it is", "brief" if name in TOLD else "quick"
+    return _judge_conforming(does, name, side, axes, frozenset(), profile)
+
+
+def judge_variation(variation: Variation, profile: str) -> SpecimenResult:
+    """Run every check on an allowed variation."""
+    it = variation
+    return _judge_conforming(it.does, it.name, it.side, it.axes, it.warns, profile)
+
+
+def judge_mutant(mutant: Mutant) -> SpecimenResult:
+    """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
+    began = time.monotonic()
+    by_rule = mutant.check == RULE
+    select = f"{mutant.through},{mutant.requirement}" if by_rule else mutant.check
+    report, _, last_words = run_harness(
+        mutant.name, mutant.side, select, SILENT_SECONDS, mutant.axes
+    )
+    cells = cells_of(report)
+    fate, note = fate_of(mutant, cells), ""
+    if report is None or (fate is Fate.SURVIVED and errors(cells)):
+        fate, note = Fate.NO_VERDICT, last_words
+    return SpecimenResult(
+        mutant.name,
+        "mutant",
+        mutant.does,
+        fate,
+        tuple(c for c in cells if c.requirement == mutant.requirement or c.condemns),
+        time.monotonic() - began,
+        mutant.requirement,
+        mutant.check,
+        mutant.code,
+        note,
+    )
+
+
+def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
+    """What the verdicts make of a mutant."""
+    against = [c for c in cells if c.requirement == mutant.requirement and c.condemns]
+    if any(c.check == mutant.check and mutant.code == c.code for c in against):
+        return Fate.KILLED
+    return Fate.MISTAKEN if against else Fate.SURVIVED
+
+
+def _judge_conforming(
+    does: str, name: str, side: Side, axes: str, warns: frozenset[str], profile: str
+) -> SpecimenResult:
+    began = time.monotonic()
+    report, status, last_words = run_harness(
+        name, side, "", SILENT_SECONDS, axes, ("--profile", profile)
+    )
+    cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
+    warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
+    reference = name in REFERENCE
+    if report is None:
+        fate, note = Fate.NO_VERDICT, last_words
+    elif status == EXIT_CONFORMING and warned == warns:
+        fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
+    elif warned >= warns:
+        fate, note = Fate.CONDEMNED, ""
+    else:
+        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(warns - warned))}"
+    kind = "reference" if reference else "variation"
+    seconds = {
+        result["check"]: result["seconds"]
+        for requirement in (report or {}).get("requirements", [])
+        for result in requirement["results"]
+        if reference and result["delivered"]
+    }
+    return SpecimenResult(
+        *(name, kind, does, fate, tuple(cells), time.monotonic() - began),
+        note=note,
+        checks=seconds,
+    )
+
+
+def cells_of(report: dict[str, Any] | None) -> list[Cell]:
+    """Every verdict in a report of the harness."""
+    return [
+        Cell(requirement["id"], result["check"], result["verdict"], result["text"], result["code"])
+        for requirement in (report or {}).get("requirements", [])
+        for result in requirement["results"]
+    ]
+
+
+def errors(cells: list[Cell]) -> bool:
+    """Whether the harness itself failed somewhere."""
+    return any(cell.verdict == Verdict.ERROR for cell in cells)
+
+
+def run_harness(
+    name: str,
+    side: Side,
+    select: str,
+    seconds: float,
+    axes: str = "",
+    more: Sequence[str] = (),
+    environment: dict[str, str] | None = None,
+    main: Callable[[list[str]], int] = harnesses.judge,
+    command: str = "",
+) -> tuple[dict[str, Any] | None, int | None, str]:
+    """Judge a specimen by `splatbus-conformance SIDE --launch --select`, which may say nothing for
+    so many seconds; by `--adapter` where there are axes, in which its adapter gives and takes
+    poses.
+
+    Returns its JSON report, or None if there is none, its exit status, or None if it had to be
+    ended, and the last that it printed.
+    """
+    reference = "splatbus_viewer.adapter" if axes else PROGRAMS[side]
+    module = reference if name in REFERENCE else f"{mutants.__name__} {name}"
+    how, arguments = (
+        ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])
+    )
+    testee = f'"{sys.executable}" -m {module} {arguments}'
+    with tempfile.TemporaryDirectory(prefix="splatbus-zoo-") as folder:
+        path = Path(folder, "report.json")
+        line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
+        line += ["--parallel", "1", "--shrink", "0", "--scripts", folder, *more]
+        status, output = harnesses.run(line, seconds, environment or TOLD.get(name, {}), main)
+        report = json.loads(path.read_text("utf-8")) if path.exists() else None
+    return report, status, output[-OUTPUT_CHARS:].strip()

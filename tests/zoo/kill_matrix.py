@@ -1,0 +1,79 @@
+"""The kill matrix: which check killed which mutant, and why; as JSON and as Markdown."""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from tests.zoo.judge import GOOD, Fate, SpecimenResult
+
+HEAD = """\
+# Kill matrix
+
+Written by `python -m tests zoo`.
+
+The harness was run on three kinds of program: the reference pair, which has to pass; variations of
+them, which are unusual and conform, and have to pass too; and mutants of them, each of which breaks
+one requirement and has to fail for it, by the check and with the code that are named here.
+
+"""
+
+
+def sentence(rows: Sequence[SpecimenResult]) -> str:
+    """What came of it, in one line."""
+    mutants = [row for row in rows if row.kind == "mutant"]
+    others = [row for row in rows if row.kind != "mutant"]
+    killed = sum(row.fate is Fate.KILLED for row in mutants)
+    passed = sum(row.fate in GOOD for row in others)
+    broken = len({row.requirement for row in mutants if row.fate is Fate.KILLED})
+    return (
+        f"{killed} of {len(mutants)} mutants killed, by the check and with the code that they "
+        f"name, over {broken} requirements; {passed} of {len(others)} conforming programs passed"
+    )
+
+
+def complaint(row: SpecimenResult) -> str:
+    """What is not as it must be, in some lines."""
+    lines = [f"\n{row.fate.upper()}  {row.name}: {row.does}"]
+    if row.kind == "mutant":
+        lines.append(f"  should fail  {row.requirement} by {row.check}, with the code {row.code}")
+    return "\n".join([*lines, f"  seen         {row.seen or 'nothing'}"])
+
+
+def save(rows: Sequence[SpecimenResult], path: Path) -> None:
+    """Write the matrix to `path` as JSON, and beside it as Markdown."""
+    matrix = {"format": "1", "summary": sentence(rows), "rows": [row.as_json() for row in rows]}
+    path.write_text(json.dumps(matrix, indent=1, ensure_ascii=False) + "\n", "utf-8")
+    path.with_suffix(".md").write_text(markdown(rows), "utf-8")
+
+
+def markdown(rows: Sequence[SpecimenResult]) -> str:
+    """The matrix as a page for people."""
+    mutants = sorted((row for row in rows if row.kind == "mutant"), key=lambda r: r.requirement)
+    others = [row for row in rows if row.kind != "mutant"]
+    page = f"{HEAD}**{sentence(rows)}.**\n\n## Mutants\n\n"
+    page += _table(
+        ("breaks", "mutant", "what it does", "check", "fate", "with the code"),
+        (
+            (r.requirement, f"`{r.name}`", r.does, f"`{r.check}`", _bold(r), f"`{r.code}`")
+            for r in mutants
+        ),
+    )
+    page += "\n## Conforming programs\n\n"
+    page += _table(
+        ("program", "what it does", "fate", "warned of"),
+        ((f"`{r.name}`", r.does, _bold(r), _warned(r)) for r in others),
+    )
+    return page
+
+
+def _bold(row: SpecimenResult) -> str:
+    return row.fate if row.fate in GOOD else f"**{row.fate}**"
+
+
+def _warned(row: SpecimenResult) -> str:
+    return ", ".join(sorted({cell.requirement for cell in row.cells})) or "—"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(cell.replace('|', '∣') for cell in line)} |\n" for line in lines)

@@ -1,0 +1,282 @@
+"""Mutants that break CTL: who steers, who is told that it does not, and what is left behind."""
+
+from typing import Any
+
+from splatbus_server.connection import Connection, Refusal
+from splatbus_server.control import Control
+from splatbus_server.session import Session
+from splatbus_wire.messages import CameraPose, ObjectPose, PointCloudPose, SetTime
+
+from tests.zoo.faults.patching import Patch
+from tests.zoo.faults.seam import Seam
+from tests.zoo.faults.seams import server
+from tests.zoo.mutant import mutant
+
+TOLD, ONCE = "check_tells_who_has_no_control", "check_tells_it_once"
+OTHERS = "check_no_pose_of_another_is_applied"
+PASSES = "check_control_passes_with_the_newest_poses"
+ENDS, REFUSED = "check_lens_and_time_end_with_their_client", "check_refused_poses_count_for_nothing"
+
+
+def unsaid(patch: Patch, *codes: str) -> None:
+    """Do what calls for these errors, and do not say so."""
+
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        return refusal if refusal.code in codes else original(self, refusal)
+
+    server.COMPLAINS.wrap(patch, complain)
+
+
+@mutant("CTL-1", check=TOLD, code="not-told-busy")
+def server_does_not_say_that_it_is_busy(patch: Patch) -> None:
+    """Ignores the poses of all but one client, as 1.0 does."""
+    unsaid(patch, "busy")
+
+
+@mutant("CTL-1", check=TOLD, code="not-told-busy")
+def server_is_busy_for_cameras_alone(patch: Patch) -> None:
+    """Says that it is busy when a camera is not moved, and not when the Gaussians are not."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if isinstance(message, CameraPose):
+            return original(self, connection, message)
+        self.told_busy.add(connection)
+        refusal = original(self, connection, message)
+        self.told_busy.discard(connection)
+        return refusal
+
+    server.TAKES_POSE.wrap(patch, move)
+
+
+@mutant("CTL-2", check=ONCE, code="busy-again")
+def server_says_again_that_it_is_busy(patch: Patch) -> None:
+    """Says with each pose that another client has control."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        self.told_busy.discard(connection)
+        return original(self, connection, message)
+
+    server.TAKES_POSE.wrap(patch, move)
+
+
+@mutant("CTL-2", check=ONCE, code="busy-again")
+def server_is_busy_again_for_the_rest(patch: Patch) -> None:
+    """Tells those who wait that it is busy once more when control has passed to another."""
+
+    def leave(original: Any, self: Session, connection: Connection) -> None:
+        if self.control.holder is connection:
+            self.told_busy.clear()
+        original(self, connection)
+
+    server.FORGETS_CLIENT.wrap(patch, leave)
+
+
+@mutant("CTL-3", check=ENDS, code="intrinsics-kept")
+def server_keeps_the_lens_of_who_left(patch: Patch) -> None:
+    """Leaves intrinsics in force when the client that set them has gone."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        lens, had_control = self.poses.intrinsics, original(self, connection)
+        if self.poses.intrinsics is None:
+            self.poses = self.poses._replace(intrinsics=lens)
+        return had_control
+
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
+
+
+@mutant("CTL-3", check=ENDS, code="intrinsics-kept")
+def server_keeps_the_lens_until_the_next_camera(patch: Patch) -> None:
+    """Leaves intrinsics in force when their client has gone, until another poses the camera."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        lens, serial = self.poses.intrinsics, self.poses.serial
+        had_control = original(self, connection)
+        if had_control and self.poses.serial == serial:
+            self.poses = self.poses._replace(intrinsics=lens)
+        return had_control
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        lent = isinstance(message, CameraPose) and message.intrinsics is None
+        if lent and CameraPose not in self.sent.get(connection, {}):
+            self.poses = self.poses._replace(intrinsics=None)
+        return original(self, connection, message)
+
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
+    server.OBEYS.wrap(patch, move)
+
+
+@mutant("CTL-4", check=REFUSED, code="refused-pose-gave-control")
+def server_gives_control_for_what_it_refuses(patch: Patch) -> None:
+    """Gives control to a client whose intrinsics or object it refuses, if nobody has it."""
+
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        if refusal.pointer in ("/intrinsics", "/object") and not control[0].sent:
+            control[0].sent[self] = {}
+        return original(self, refusal)
+
+    def begin(original: Any, self: Control, poses: Any) -> None:
+        original(self, poses)
+        control[:] = [self]
+
+    control: list[Control] = []
+    Seam(Control, "__init__").wrap(patch, begin)
+    server.COMPLAINS.wrap(patch, complain)
+
+
+@mutant("CTL-1", check=TOLD, code="control-not-given")
+def server_says_to_everyone_that_it_is_busy(patch: Patch) -> None:
+    """Says of every pose that another client has control, and applies it if none has."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        if connection not in self.told_busy:
+            self.told_busy.add(connection)
+            connection.complain(Refusal("busy", "another client steers the scene"))
+        return original(self, connection, message)
+
+    server.TAKES_POSE.wrap(patch, move)
+
+
+@mutant("CTL-4", check=REFUSED, code="wrongly-busy")
+def server_is_busy_for_broken_poses(patch: Patch) -> None:
+    """Says of every pose that is refused that it is busy, too."""
+
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        if refusal.code in ("unknown_object", "invalid_message") and refusal.pointer:
+            original(self, refusal._replace(code="busy"))
+        return original(self, refusal)
+
+    server.COMPLAINS.wrap(patch, complain)
+
+
+@mutant("CTL-4", check=REFUSED, code="not-told-busy")
+def server_counts_refused_poses(patch: Patch) -> None:
+    """Takes a client whose pose it refuses for one that has been told."""
+
+    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+        if refusal.pointer:
+            refused.add(id(self))
+        if refusal.code == "busy" and id(self) in refused:
+            return refusal
+        return original(self, refusal)
+
+    refused: set[int] = set()
+    server.COMPLAINS.wrap(patch, complain)
+
+
+@mutant("CTL-5", check=PASSES, code="another-camera")
+def server_waits_for_the_next_pose(patch: Patch) -> None:
+    """Passes control on, and applies what the next client sends from then on."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        before, had_control = self.poses, original(self, connection)
+        self.poses = before._replace(intrinsics=None, time=None)
+        return had_control
+
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
+
+
+@mutant("CTL-5", check=PASSES, code="another-placement")
+def server_passes_on_the_camera_alone(patch: Patch) -> None:
+    """Leaves objects where they are when control passes to a client that has placed them."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        objects, had_control = self.poses.objects, original(self, connection)
+        self.poses = self.poses._replace(objects=objects)
+        return had_control
+
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
+
+
+@mutant("CTL-5", check=PASSES, code="another-camera")
+def server_remembers_the_first_pose(patch: Patch) -> None:
+    """Keeps the first pose of who has no control, not the newest."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        known = self.sent.get(connection, {})
+        if self.holder not in (None, connection) and type(message) in known:
+            return False
+        return original(self, connection, message)
+
+    server.OBEYS.wrap(patch, move)
+
+
+@mutant("CTL-5", check=PASSES, code="other-intrinsics")
+def server_forgets_the_lens_of_who_has_no_control(patch: Patch) -> None:
+    """Keeps the newest pose of who has no control, and not the intrinsics that came before it."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        known = self.sent.get(connection, {})
+        if self.holder is not connection and isinstance(
+            former := known.get(CameraPose), CameraPose
+        ):
+            known[CameraPose] = former._replace(intrinsics=None)
+        return original(self, connection, message)
+
+    server.OBEYS.wrap(patch, move)
+
+
+def leaves(patch: Patch, **changes: Any) -> None:
+    """Change what is in force when control has passed on."""
+
+    def leave(original: Any, self: Control, connection: Any) -> Any:
+        had_control = original(self, connection)
+        if had_control and self.sent:
+            self.poses = self.poses._replace(**changes)
+        return had_control
+
+    server.PASSES_CONTROL_ON.wrap(patch, leave)
+
+
+def obeys(patch: Patch, *kinds: Any) -> None:
+    """Apply poses of these kinds, whoever sends them."""
+
+    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+        has_control = original(self, connection, message)
+        if not has_control and isinstance(message, kinds):
+            self.poses = self.poses.moved_by(message)
+        return has_control
+
+    server.OBEYS.wrap(patch, move)
+
+
+@mutant("POS-11", check=OTHERS, code="applied-without-control")
+def server_moves_objects_for_anyone(patch: Patch) -> None:
+    """Applies the poses of objects of every client, and the cameras of one."""
+    obeys(patch, PointCloudPose, ObjectPose)
+
+
+@mutant("POS-11", check=OTHERS, code="applied-without-control")
+def server_sets_time_for_anyone(patch: Patch) -> None:
+    """Lets every client set the time."""
+    obeys(patch, SetTime)
+
+
+@mutant("CTL-5", check=PASSES, code="other-intrinsics")
+def server_passes_on_no_lens(patch: Patch) -> None:
+    """Leaves out the intrinsics that a client sent before it had control."""
+    leaves(patch, intrinsics=None)
+
+
+@mutant("CTL-5", check=PASSES, code="another-time")
+def server_passes_on_no_time(patch: Patch) -> None:
+    """Leaves out the time that a client set before it had control."""
+    leaves(patch, time=None)
+
+
+@mutant("CTL-5", check=PASSES, code="another-tag")
+def server_passes_on_no_tag(patch: Patch) -> None:
+    """Leaves out the tag of the camera that a client sent before it had control."""
+    leaves(patch, tag=None)
+
+
+@mutant("CTL-2", check=ONCE, code="busy-again")
+def server_forgets_whom_it_told_with_another_error(patch: Patch) -> None:
+    """Says `busy` again to a client that was sent another error meanwhile."""
+
+    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
+        refusal = original(self, connection, message)
+        if refusal is not None and refusal.code != "busy":
+            self.told_busy.discard(connection)
+        return refusal
+
+    server.TAKES_POSE.wrap(patch, move)

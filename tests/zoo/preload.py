@@ -1,0 +1,19 @@
+"""Imported once, before specimens of the zoo are forked: the references, and all that alters them.
+
+Not for those that are made by machine, whose modules are changed while they are imported.
+"""
+
+import gc
+
+import splatbus_renderer.cli
+import splatbus_viewer.adapter
+import splatbus_viewer.cli
+
+from tests.zoo.registry import mutants, variations
+
+__all__ = ["splatbus_renderer", "splatbus_viewer"]
+
+mutants()
+variations()
+gc.collect()
+gc.freeze()

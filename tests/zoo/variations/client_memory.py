@@ -1,0 +1,55 @@
+"""Allowed variations: clients that take their time with memory, which no sentence limits."""
+
+import time
+from typing import Any
+
+from splatbus_client.host_memory import HostImages
+from splatbus_client.lease import FrameLease
+from splatbus_viewer.mirror import Mirror
+
+from tests.zoo.faults.patching import Patch
+from tests.zoo.faults.seam import Seam
+from tests.zoo.faults.seams import client
+from tests.zoo.mutant import variation
+
+LOADING_SECONDS = 4.0
+PERIOD_SECONDS = 0.25
+
+
+@variation(axes="opencv")
+def loads_its_driver_with_the_first_memory(patch: Patch) -> None:
+    """Takes 4 s to open the first memory that it is offered, and goes on as ever."""
+    loaded: list[bool] = []
+
+    def init(original: Any, self: HostImages, packet: Any) -> None:
+        if not loaded:
+            loaded.append(True)
+            time.sleep(LOADING_SECONDS)
+        original(self, packet)
+
+    client.BEGINS_WITH_MEMORY.wrap(patch, init)
+
+
+@variation(axes="opencv")
+def builds_its_shaders_with_the_first_frame(patch: Patch) -> None:
+    """Takes 4 s until it has read the first frame, and gives it back then."""
+    built: list[bool] = []
+
+    def release(original: Any, self: FrameLease) -> None:
+        if not built:
+            built.append(True)
+            time.sleep(LOADING_SECONDS)
+        original(self)
+
+    Seam(FrameLease, "release").wrap(patch, release)
+
+
+@variation(axes="opencv")
+def looks_for_frames_at_4_hz(patch: Patch) -> None:
+    """Reads four frames a second at most."""
+
+    def read(original: Any, self: Mirror, timeout: float) -> None:
+        time.sleep(PERIOD_SECONDS)
+        original(self, timeout)
+
+    Seam(Mirror, "read").wrap(patch, read)
