@@ -4,14 +4,15 @@ import functools
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from splatbus_conformance.plan import Side
 
 from tests.zoo.faults.patching import Patch
+from tests.zoo.faults.seam import Seam
 
 Alter = Callable[[Patch], None]
-A = TypeVar("A", bound=Alter)
+A = TypeVar("A", bound=Callable[..., Any])
 
 SIDES: tuple[Side, Side] = ("client", "server")
 SERVERS = "server-"
@@ -72,8 +73,10 @@ def mutant(
     through: str = "",
     axes: str = "",
     both: bool = False,
+    at: Seam | None = None,
 ) -> Callable[[A], A]:
-    """Declare a function to be the alteration of a mutant; its docstring says what it does.
+    """Declare a function to be the alteration of a mutant, or the step that it has in place of that
+    of a seam; its docstring says what it does.
 
     Args:
         requirement: that it breaks.
@@ -83,30 +86,35 @@ def mutant(
             session if not given.
         axes: for what only an adapter shows, the engine whose client it plays.
         both: what is altered is what client and server share, and both are tried.
+        at: the seam; the function is given the original step first, then its arguments.
     """
 
-    def declare(alter: A) -> A:
-        name, does = _name_and_docstring(alter)
-        tried: dict[str, Side] = {name: _side(alter)}
+    def declare(function: A) -> A:
+        name, does = _name_and_docstring(function)
+        alter = _alteration(function, at)
+        tried: dict[str, Side] = {name: _side(function)}
         if both:
             tried[f"{SERVERS}{name}"] = "server"
-        alter.specimens = tuple(  # type: ignore[attr-defined]
+        function.specimens = tuple(  # type: ignore[attr-defined]
             Mutant(name, does, alter, requirement, check, code, run, side, axes)
             for name, side in tried.items()
             for run in [requirement if check != RULE else through or TRAFFIC[side]]
         )
-        return alter
+        return function
 
     return declare
 
 
-def variation(*, warns: tuple[str, ...] = (), axes: str = "") -> Callable[[A], A]:
-    """Declare a function to be the alteration of an allowed variation; `axes` as of a mutant."""
+def variation(
+    *, warns: tuple[str, ...] = (), axes: str = "", at: Seam | None = None
+) -> Callable[[A], A]:
+    """Declare a function to be an allowed variation; `axes` and `at` as of a mutant."""
 
-    def declare(alter: A) -> A:
-        name, does = _name_and_docstring(alter)
-        alter.specimens = (Variation(name, does, alter, frozenset(warns), axes),)  # type: ignore[attr-defined]
-        return alter
+    def declare(function: A) -> A:
+        name, does = _name_and_docstring(function)
+        alter = _alteration(function, at)
+        function.specimens = (Variation(name, does, alter, frozenset(warns), axes),)  # type: ignore[attr-defined]
+        return function
 
     return declare
 
@@ -133,6 +141,17 @@ def together(*members: Alter) -> Callable[[A], A]:
         return alter
 
     return declare
+
+
+def _alteration(function: Callable[..., Any], at: Seam | None) -> Alter:
+    if at is None:
+        return function
+
+    @functools.wraps(function)
+    def alter(patch: Patch) -> None:
+        at.wrap(patch, function)
+
+    return alter
 
 
 def _side(alter: Alter) -> Side:

@@ -3,23 +3,17 @@
 There is no such memory: the handles are of nobody, and clients of 1.0 are sent them at once.
 """
 
-from typing import Any
-
-from splatbus_conformance.wire.messages import Json, encode
+from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
-from splatbus_server.connection import Connection
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seams import server
 
 
-def announces_at_once(
-    patch: Patch, *messages: Json, channel: str = "ipc", most: int | None = None
-) -> None:
+def announces_at_once(patch, *messages, channel="ipc", most=None):
     """Send these messages to every client of a channel as soon as it comes; to so many at most."""
     greeted = 0
 
-    def init(original: Any, self: Connection, *arguments: Any) -> None:
+    def init(original, self, *arguments):
         nonlocal greeted
         original(self, *arguments)
         if self.channel == channel and (most is None or greeted < most):

@@ -1,18 +1,12 @@
 """Make the server close the oldest clients of a channel in favour of further ones."""
 
-import socket
-from typing import Any
-
-from splatbus_server.service import Service
-
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seams import server
 
 
-def keeps_the_newest(patch: Patch, count: int) -> None:
+def keeps_the_newest(patch, count):
     """Keep so many clients on each channel."""
 
-    def accept(original: Any, self: Service, channel: str, listener: socket.socket) -> None:
+    def accept(original, self, channel, listener):
         served = [peer for peer in self.peers if peer.connection.channel == channel]
         for peer in served[: max(0, len(served) + 1 - count)]:
             self.drop(peer)

@@ -4,13 +4,11 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable
-from typing import Any, NoReturn
+from typing import Any
 
 from splatbus_wire import encoding, json_text, packet_reader
 from splatbus_wire.packet_reader import PacketReader
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import wire
 
@@ -18,7 +16,7 @@ Json = dict[str, Any]
 STATUS_ACCESS_VIOLATION = 0xC0000005
 
 
-def messages(patch: Patch, change: Callable[[Json], Json]) -> None:
+def messages(patch, change):
     """Change each message that is sent, as an object."""
     Seam(encoding, "message_object").wrap(
         patch,
@@ -26,30 +24,30 @@ def messages(patch: Patch, change: Callable[[Json], Json]) -> None:
     )
 
 
-def payloads(patch: Patch, change: Callable[[bytes], bytes]) -> None:
+def payloads(patch, change):
     """Change each payload that is sent."""
     Seam(encoding, "serialize").wrap(patch, lambda original, message: change(original(message)))
 
 
-def counts_each_byte(patch: Patch) -> None:
+def counts_each_byte(patch):
     """Give a packet its whole time again with each byte of it."""
 
-    def receive(original: Any, self: PacketReader, data: bytes, now: float) -> None:
+    def receive(original, self, data, now):
         original(self, data, now)
         self.deadline = now + packet_reader.COMPLETION_SECONDS
 
     Seam(PacketReader, "receive").wrap(patch, receive)
 
 
-def packets(patch: Patch, change: Callable[[bytes], bytes]) -> None:
+def packets(patch, change):
     """Change each packet that is sent, header included, or what follows it."""
     wire.ENCODES_PACKET.wrap(patch, lambda original, payload: change(original(payload)))
 
 
-def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
+def init_packets(patch, repair):
     """Repair each init packet that is received in place, so that a breach in it is not seen."""
 
-    def parse(original: Callable[[Json], Any], message: Json) -> Any:
+    def parse(original, message):
         with contextlib.suppress(Exception):
             repair(message)
         return original(message)
@@ -57,10 +55,10 @@ def init_packets(patch: Patch, repair: Callable[[Json], object]) -> None:
     wire.READS_INIT_PACKET.wrap(patch, parse)
 
 
-def adding_up_digits(patch: Patch) -> None:
+def adding_up_digits(patch):
     """Read fractions digit by digit, in double precision, as parsers written by hand do."""
 
-    def read(text: str) -> float:
+    def read(text):
         digits, _, exponent = text.lower().partition("e")
         whole, _, fraction = digits.lstrip("-").partition(".")
         value = 0.0
@@ -79,17 +77,17 @@ def adding_up_digits(patch: Patch) -> None:
     wire.READS_POSE_THE_SHORT_WAY.replace(patch, lambda payload: None)
 
 
-def of_type(kind: str, change: Callable[[Json], Json]) -> Callable[[Json], Json]:
+def of_type(kind, change):
     """A change of messages of one type only."""
     return lambda message: change(message) if message.get("type") == kind else message
 
 
-def in_poses(change: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
+def in_poses(change):
     """A change of the payloads of camera poses only."""
     return lambda payload: change(payload) if b'"type":"camera_pose"' in payload else payload
 
 
-def crash() -> NoReturn:
+def crash():
     """End this process as a fault in native code does."""
     if sys.platform == "win32":
         os._exit(STATUS_ACCESS_VIOLATION - 2**32)

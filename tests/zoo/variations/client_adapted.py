@@ -4,7 +4,6 @@ from decimal import Decimal, localcontext
 from fractions import Fraction
 from typing import Any
 
-from splatbus_client.outgoing import Told
 from splatbus_client.steering import Steering
 from splatbus_viewer.adapter import Adapter
 from splatbus_wire.conventions import Engine
@@ -12,7 +11,6 @@ from splatbus_wire.messages import CameraPose, Intrinsics, ObjectPose, encode
 from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.superseding import subject
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import client
 from tests.zoo.mutant import variation
@@ -21,11 +19,11 @@ DIGITS = 60
 
 
 @variation(warns=("CTL-6",), axes="blender")
-def says_its_last_camera_again(patch: Patch) -> None:
+def says_its_last_camera_again(patch):
     """Says the camera that it said last once more before the first new one on a connection."""
     begun: list[CameraPose] = []
 
-    def begin(original: Any, self: Steering) -> Any:
+    def begin(original, self):
         former = list(self.newest.values())
         self.newest.clear()
         machine = original(self)
@@ -33,7 +31,7 @@ def says_its_last_camera_again(patch: Patch) -> None:
         begun[:] = [message for message in former if isinstance(message, CameraPose)]
         return machine
 
-    def tell(original: Any, self: Steering, message: Told) -> None:
+    def tell(original, self, message):
         if isinstance(message, CameraPose) and begun and self.machine is not None:
             self.machine.unsent += encode(begun.pop()._replace(timestamp=message.timestamp))
         original(self, message)
@@ -43,34 +41,30 @@ def says_its_last_camera_again(patch: Patch) -> None:
 
 
 @variation(axes="blender")
-def steers_through_a_lens_of_its_own(patch: Patch) -> None:
+def steers_through_a_lens_of_its_own(patch):
     """Says where it looks from, and through which lens, as soon as it may."""
     first = CameraPose(IDENTITY, intrinsics=Intrinsics(300.0, 310.0, 30.0, 25.0, 64, 48, 0.1, 50.0))
 
-    def begin(original: Any, self: Steering) -> Any:
+    def begin(original, self):
         self.newest.setdefault(subject(first), first)
         return original(self)
 
     client.BEGINS_TO_STEER.wrap(patch, begin)
 
 
-@variation(axes="blender")
-def moves_the_splats_as_an_object(patch: Patch) -> None:
+@variation(axes="blender", at=client.CUTS_TO_WHAT_WAS_AGREED)
+def moves_the_splats_as_an_object(original, message, version, capabilities):
     """Moves the splats as the object `"default"`, where the server knows objects."""
-
-    def permitted(original: Any, message: Told, version: Any, capabilities: Any) -> Any:
-        if isinstance(message, ObjectPose) and "objects" in capabilities:
-            return message
-        return original(message, version, capabilities)
-
-    client.CUTS_TO_WHAT_WAS_AGREED.wrap(patch, permitted)
+    if isinstance(message, ObjectPose) and "objects" in capabilities:
+        return message
+    return original(message, version, capabilities)
 
 
 @variation(axes="blender")
-def converts_by_matrices_with_scale(patch: Patch) -> None:
+def converts_by_matrices_with_scale(patch):
     """Converts rotations through matrices, in which a norm other than 1 is a scale."""
 
-    def to_wire(self: Engine, pose: Pose) -> Pose:
+    def to_wire(self, pose):
         matrix = self.matrix_to_wire(_matrix(*map(Fraction, pose.rotation)))  # type: ignore[arg-type]
         return Pose(self.position_to_wire(pose.position), _quaternion(matrix))
 
@@ -78,16 +72,16 @@ def converts_by_matrices_with_scale(patch: Patch) -> None:
 
 
 @variation(axes="blender")
-def asks_for_the_first_camera_ahead(patch: Patch) -> None:
+def asks_for_the_first_camera_ahead(patch):
     """Asks for the first camera before somebody wants it, and lets the next who does have that."""
     first = {"camera": 0}
     ahead: list[Any] = []
 
-    def begin(original: Any, self: Steering) -> Any:
+    def begin(original, self):
         ahead.clear()
         return original(self)
 
-    def ask(original: Any, self: Adapter, requests: list[Any]) -> Any:
+    def ask(original, self, requests):
         others = iter(original(self, [it for it in requests if it != first])["replies"])
         (camera,) = ahead or original(self, [first])["replies"]
         ahead[:] = original(self, [first])["replies"]
@@ -97,7 +91,7 @@ def asks_for_the_first_camera_ahead(patch: Patch) -> None:
     Seam(Adapter, "ask").wrap(patch, ask)
 
 
-def _matrix(x: Fraction, y: Fraction, z: Fraction, w: Fraction) -> tuple[Fraction, ...]:
+def _matrix(x, y, z, w):
     """Of the scale that is the square of the norm."""
     a, b, c = (w * w + n * n - (x * x + y * y + z * z - n * n) for n in (x, y, z))
     d, e, f = 2 * y * z, 2 * x * z, 2 * x * y
@@ -105,7 +99,7 @@ def _matrix(x: Fraction, y: Fraction, z: Fraction, w: Fraction) -> tuple[Fractio
     return a, f - i, e + h, f + i, b, d - g, e - h, d + g, c
 
 
-def _quaternion(matrix: tuple[Any, ...]) -> tuple[float, float, float, float]:
+def _quaternion(matrix):
     """Of a matrix that is taken for one without scale."""
     with localcontext() as context:
         context.prec = DIGITS

@@ -1,13 +1,10 @@
 """Allowed variations: clients that take their time with memory, which no sentence limits."""
 
 import time
-from typing import Any
 
-from splatbus_client.host_memory import HostImages
 from splatbus_client.lease import FrameLease
 from splatbus_viewer.mirror import Mirror
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import client
 from tests.zoo.mutant import variation
@@ -17,11 +14,11 @@ PERIOD_SECONDS = 0.25
 
 
 @variation(axes="opencv")
-def loads_its_driver_with_the_first_memory(patch: Patch) -> None:
+def loads_its_driver_with_the_first_memory(patch):
     """Takes 4 s to open the first memory that it is offered, and goes on as ever."""
     loaded: list[bool] = []
 
-    def init(original: Any, self: HostImages, packet: Any) -> None:
+    def init(original, self, packet):
         if not loaded:
             loaded.append(True)
             time.sleep(LOADING_SECONDS)
@@ -31,11 +28,11 @@ def loads_its_driver_with_the_first_memory(patch: Patch) -> None:
 
 
 @variation(axes="opencv")
-def builds_its_shaders_with_the_first_frame(patch: Patch) -> None:
+def builds_its_shaders_with_the_first_frame(patch):
     """Takes 4 s until it has read the first frame, and gives it back then."""
     built: list[bool] = []
 
-    def release(original: Any, self: FrameLease) -> None:
+    def release(original, self):
         if not built:
             built.append(True)
             time.sleep(LOADING_SECONDS)
@@ -44,12 +41,8 @@ def builds_its_shaders_with_the_first_frame(patch: Patch) -> None:
     Seam(FrameLease, "release").wrap(patch, release)
 
 
-@variation(axes="opencv")
-def looks_for_frames_at_4_hz(patch: Patch) -> None:
+@variation(axes="opencv", at=Seam(Mirror, "read"))
+def looks_for_frames_at_4_hz(original, self, timeout):
     """Reads four frames a second at most."""
-
-    def read(original: Any, self: Mirror, timeout: float) -> None:
-        time.sleep(PERIOD_SECONDS)
-        original(self, timeout)
-
-    Seam(Mirror, "read").wrap(patch, read)
+    time.sleep(PERIOD_SECONDS)
+    original(self, timeout)

@@ -1,6 +1,5 @@
 """Liberties of clients that go together, so that each is seen beside others."""
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.mutant import together
 from tests.zoo.variations import (
     client,
@@ -20,7 +19,7 @@ from tests.zoo.variations import (
     client.escapes_everywhere,
     client.header_and_payload_apart,
 )
-def says_all_at_length(patch: Patch) -> None:
+def says_all_at_length(patch):
     """Spells its messages as nobody does, and says more than it has to."""
 
 
@@ -31,7 +30,7 @@ def says_all_at_length(patch: Patch) -> None:
     client.last_camera,
     client.white_space_everywhere,
 )
-def says_little(patch: Patch) -> None:
+def says_little(patch):
     """Leaves out what may be left out, and writes for people."""
 
 
@@ -45,44 +44,44 @@ def says_little(patch: Patch) -> None:
     client.subscribes_to_depth_alone,
     client.numbers_of_17_digits,
 )
-def bears_nothing(patch: Patch) -> None:
+def bears_nothing(patch):
     """Closes the connection where it might ignore, and reads depth alone."""
 
 
 @together(client.never_subscribes, client.says_all_of_1_1)
-def asks_for_all_but_a_channel(patch: Patch) -> None:
+def asks_for_all_but_a_channel(patch):
     """Says everything on the message channel, and little on the other."""
 
 
 @together(
     client.no_reinit, client.declares_nothing_on_the_message_channel, client.comes_back_slowly
 )
-def can_do_little(patch: Patch) -> None:
+def can_do_little(patch):
     """Declares few capabilities, and comes back slowly."""
 
 
 @together(client.cuda_memory_alone, client.asks_once_a_process)
-def opens_nothing_and_asks_once(patch: Patch) -> None:
+def opens_nothing_and_asks_once(patch):
     """Shows little of itself on either channel."""
 
 
 @together(client.no_frames, client.the_same_id_in_every_request)
-def opens_and_looks_away(patch: Patch) -> None:
+def opens_and_looks_away(patch):
     """Opens the memory, and has no use for it."""
 
 
 @together(client.says_nothing_but_hello, client_channels.comes_back_late)
-def comes_late_and_listens(patch: Patch) -> None:
+def comes_late_and_listens(patch):
     """Takes its time to connect, and says hello alone."""
 
 
 @together(client.speaks_1_0, client_channels.one_channel_after_the_other)
-def speaks_1_0_in_turn(patch: Patch) -> None:
+def speaks_1_0_in_turn(patch):
     """Has one connection after the other, of 1.0."""
 
 
 @together(client.images_alone, client.ends_with_its_server)
-def looks_once(patch: Patch) -> None:
+def looks_once(patch):
     """Looks at the images of one connection, and ends with it."""
 
 
@@ -93,7 +92,7 @@ def looks_once(patch: Patch) -> None:
     client_adapted.steers_through_a_lens_of_its_own,
     client_adapted.converts_by_matrices_with_scale,
 )
-def steers_in_its_own_way(patch: Patch) -> None:
+def steers_in_its_own_way(patch):
     """Says again what it said, through a lens of its own, and moves the splats by their name."""
 
 
@@ -103,5 +102,5 @@ def steers_in_its_own_way(patch: Patch) -> None:
     client_memory.loads_its_driver_with_the_first_memory,
     client_memory.builds_its_shaders_with_the_first_frame,
 )
-def takes_its_time(patch: Patch) -> None:
+def takes_its_time(patch):
     """Takes long for its first memory and its first frame, and shows few, without small numbers."""

@@ -2,28 +2,23 @@
 
 import time
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 from splatbus_conformance.wire.packets import CROWD_BYTES
 from splatbus_server import api
 from splatbus_server.api import Bus
 from splatbus_server.control import Poses
-from splatbus_server.memory import Memory
-from splatbus_server.peer import Peer
-from splatbus_server.service import Service
 from splatbus_server.viewport import Change
 from splatbus_wire.messages import SceneObject
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
-from tests.zoo.faults.surgery import Json, messages, of_type
+from tests.zoo.faults.surgery import messages, of_type
 from tests.zoo.mutant import variation
 from tests.zoo.variations.server_images import serving
 
 
-def grants(patch: Patch, *capabilities: str) -> None:
+def grants(patch, *capabilities):
     """Have these capabilities of the message channel and no others.
 
     A scene that is not told is the one of `conformance/SCENE.md` with all in one object.
@@ -34,68 +29,60 @@ def grants(patch: Patch, *capabilities: str) -> None:
 
 
 @variation()
-def server_without_message_capabilities(patch: Patch) -> None:
+def server_without_message_capabilities(patch):
     """Lends images, and speaks 1.0 with `hello` on the message channel."""
     grants(patch)
 
 
 @variation()
-def server_of_objects_alone(patch: Patch) -> None:
+def server_of_objects_alone(patch):
     """Has `objects` and no other capability: nobody can ask for their names."""
     grants(patch, "objects")
 
 
 @variation()
-def server_of_lenses_and_pings(patch: Patch) -> None:
+def server_of_lenses_and_pings(patch):
     """Has `intrinsics` and `ping`."""
     grants(patch, "intrinsics", "ping")
 
 
 @variation()
-def server_of_telemetry_and_sizes(patch: Patch) -> None:
+def server_of_telemetry_and_sizes(patch):
     """Has `telemetry` and `viewport`."""
     grants(patch, "telemetry", "viewport")
 
 
-@variation()
-def server_has_no_other_size(patch: Patch) -> None:
+@variation(at=server.MAKES_SUCCESSOR)
+def server_has_no_other_size(original, self, width, height):
     """Answers `unsupported` to everybody who asks for another size."""
-
-    def successor(original: Any, self: Memory, width: int, height: int) -> Any:
-        raise OSError("images have the size that they have")
-
-    server.MAKES_SUCCESSOR.wrap(patch, successor)
+    raise OSError("images have the size that they have")
 
 
-@variation()
-def server_takes_its_time_for_a_size(patch: Patch) -> None:
+@variation(at=Seam(Change, "allocate"))
+def server_takes_its_time_for_a_size(original, self):
     """Takes 200 ms to have memory of another size."""
-
-    def allocate(original: Any, self: Change) -> None:
-        time.sleep(0.2)
-        original(self)
-
-    Seam(Change, "allocate").wrap(patch, allocate)
+    time.sleep(0.2)
+    original(self)
 
 
 @variation()
-def server_lists_every_object(patch: Patch) -> None:
+def server_lists_every_object(patch):
     """Lists objects that are at rest in each frame, too."""
     Seam(Poses, "moved_objects").replace(patch, property(lambda self: tuple(self.objects.values())))
 
 
 @variation()
-def server_of_many_objects(patch: Patch) -> None:
+def server_of_many_objects(patch):
     """Has forty objects, of which one is seen, with names of any kind."""
     names = ("default", "chair", "a/b~c", "\\\"'", "🙂" * 64, *(f"object {n}" for n in range(35)))
     serving(patch, objects=[SceneObject(name, "", 0) for name in names])
 
 
 @variation()
-def server_tells_lenses_in_single_precision(patch: Patch) -> None:
+def server_tells_lenses_in_single_precision(patch):
     """Rounds the numbers of its cameras to single precision."""
 
-    def single(frame: Json) -> Json:
+    def single(frame):
         camera = frame["camera"]
         rounded = {n: float(np.float32(camera[n])) for n in ("fx", "fy", "cx", "cy", "near", "far")}
         return frame | {"camera": camera | rounded}
@@ -104,24 +91,20 @@ def server_tells_lenses_in_single_precision(patch: Patch) -> None:
 
 
 @variation()
-def server_has_nothing_to_tell(patch: Patch) -> None:
+def server_has_nothing_to_tell(patch):
     """Has `telemetry`, and no series."""
     Seam(Bus, "telemetry").wrap(patch, lambda original, self, *values, **named: None)
 
 
-@variation()
-def server_is_cut_behind_a_header(patch: Patch) -> None:
+@variation(at=server.FLUSHES)
+def server_is_cut_behind_a_header(original, self, peer, now):
     """Writes many packets at once, which TCP divides behind a header."""
-
-    def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
-        unsent = peer.connection.unsent
-        ends = [0]
-        while ends[-1] < len(unsent) and ends[-1] <= CROWD_BYTES:
-            ends.append(ends[-1] + 4 + int.from_bytes(unsent[ends[-1] : ends[-1] + 4], "little"))
-        if CROWD_BYTES < ends[-1] < len(unsent):
-            with suppress(OSError):
-                del unsent[: peer.socket.send(unsent[: ends[-1] + 4])]
-                time.sleep(0.002)
-        original(self, peer, now)
-
-    server.FLUSHES.wrap(patch, flush)
+    unsent = peer.connection.unsent
+    ends = [0]
+    while ends[-1] < len(unsent) and ends[-1] <= CROWD_BYTES:
+        ends.append(ends[-1] + 4 + int.from_bytes(unsent[ends[-1] : ends[-1] + 4], "little"))
+    if CROWD_BYTES < ends[-1] < len(unsent):
+        with suppress(OSError):
+            del unsent[: peer.socket.send(unsent[: ends[-1] + 4])]
+            time.sleep(0.002)
+    original(self, peer, now)

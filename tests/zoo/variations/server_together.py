@@ -1,6 +1,5 @@
 """Liberties of servers that go together, so that each is seen beside others."""
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.mutant import together
 from tests.zoo.variations import (
     server,
@@ -23,7 +22,7 @@ from tests.zoo.variations import (
     server.server_comes_with_cameras,
     server.server_sends_byte_by_byte,
 )
-def server_says_all_at_length(patch: Patch) -> None:
+def server_says_all_at_length(patch):
     """Spells its messages as nobody does, and says more than it has to."""
 
 
@@ -35,7 +34,7 @@ def server_says_all_at_length(patch: Patch) -> None:
     server_messages.server_has_no_other_size,
     server_messages.server_is_cut_behind_a_header,
 )
-def server_says_little(patch: Patch) -> None:
+def server_says_little(patch):
     """Leaves out what may be left out, and writes for people."""
 
 
@@ -46,7 +45,7 @@ def server_says_little(patch: Patch) -> None:
     server_messages.server_tells_lenses_in_single_precision,
     server.server_renders_slowly,
 )
-def server_bears_nothing(patch: Patch) -> None:
+def server_bears_nothing(patch):
     """Closes where it might ignore; with a ring of its own."""
 
 
@@ -61,7 +60,7 @@ def server_bears_nothing(patch: Patch) -> None:
     server.server_keeps_the_oldest_client,
     server_images.server_that_is_empty_at_100,
 )
-def server_bears_all(patch: Patch) -> None:
+def server_bears_all(patch):
     """Ignores without a word what it might report; serves the oldest client alone."""
 
 
@@ -71,7 +70,7 @@ def server_bears_all(patch: Patch) -> None:
     server_1_1.server_writes_colour_and_depth_always,
     server_messages.server_of_many_objects,
 )
-def server_of_many(patch: Patch) -> None:
+def server_of_many(patch):
     """Serves many clients, with many slots and many objects."""
 
 
@@ -82,7 +81,7 @@ def server_of_many(patch: Patch) -> None:
     server_1_1.server_has_one_name_for_its_memory,
     server_unhurried.server_of_one_small_splat,
 )
-def server_keeps_few(patch: Patch) -> None:
+def server_keeps_few(patch):
     """Serves two clients a channel, forgets where they were, and shows little."""
 
 
@@ -91,7 +90,7 @@ def server_keeps_few(patch: Patch) -> None:
     server_images.server_in_single_precision,
     server_1_1.server_republishes_for_each_reader,
 )
-def server_sees_otherwise(patch: Patch) -> None:
+def server_sees_otherwise(patch):
     """Has a lens of its own, a matrix of single precision, and more images than it needs."""
 
 
@@ -100,12 +99,12 @@ def server_sees_otherwise(patch: Patch) -> None:
     server_messages.server_of_lenses_and_pings,
     server_images.server_of_another_scene,
 )
-def server_can_do_little(patch: Patch) -> None:
+def server_can_do_little(patch):
     """Has few capabilities on either channel."""
 
 
 @together(server.server_without_frames, server_messages.server_of_objects_alone)
-def server_can_do_less(patch: Patch) -> None:
+def server_can_do_less(patch):
     """Has the fewest capabilities of those that share memory."""
 
 
@@ -114,7 +113,7 @@ def server_can_do_less(patch: Patch) -> None:
     server_unhurried.server_of_many_slots,
     server.server_turns_its_scene,
 )
-def server_takes_long_at_first(patch: Patch) -> None:
+def server_takes_long_at_first(patch):
     """Takes long for its first image, and much memory; the scene turns meanwhile."""
 
 
@@ -124,22 +123,22 @@ def server_takes_long_at_first(patch: Patch) -> None:
     server_images.server_of_distances,
     server_messages.server_of_telemetry_and_sizes,
 )
-def server_of_the_newest_client(patch: Patch) -> None:
+def server_of_the_newest_client(patch):
     """Serves one client, the newest, with distances, and begins elsewhere."""
 
 
 @together(server.server_lends_to_one_reader, server_blobs.server_of_sparse_soft_blobs)
-def server_lends_soft_blobs(patch: Patch) -> None:
+def server_lends_soft_blobs(patch):
     """Lends to one reader what one sees through."""
 
 
 @together(server_1_1.server_speaks_1_1_alone, server_images.server_without_alpha)
-def server_of_a_full_sky(patch: Patch) -> None:
+def server_of_a_full_sky(patch):
     """Refuses 1.0, and leaves no pixel empty."""
 
 
 @together(
     server_messages.server_without_message_capabilities, server_blobs.server_of_one_large_blob
 )
-def server_of_one_blob_and_nothing_to_say(patch: Patch) -> None:
+def server_of_one_blob_and_nothing_to_say(patch):
     """Lends images of one depth, and has nothing to say."""

@@ -1,27 +1,24 @@
 """Mutants that one scenario does not find: what is wrong follows from what was before."""
 
 from collections import Counter
-from typing import Any
 
-from splatbus_client.channel import Channel
 from splatbus_client.host_memory import CannotOpenError
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.init_packet import InitPacket
-from splatbus_wire.messages import Closed, Frame, Opened, encode
+from splatbus_wire.messages import Closed, Opened, encode
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seams import client
 from tests.zoo.faults.surgery import crash
 from tests.zoo.mutant import mutant
 
 
-def _counted(patch: Patch) -> Counter[InitPacket | None]:
+def _counted(patch):
     """How many init packets had come on its connection with each, and with the last, None."""
     on_it: Counter[IpcProtocol] = Counter()
     counts: Counter[InitPacket | None] = Counter()
 
-    def on_init_packet(original: Any, self: IpcProtocol, packet: InitPacket) -> Any:
+    def on_init_packet(original, self, packet):
         on_it[self] += 1
         counts[packet] = counts[None] = on_it[self]
         return original(self, packet)
@@ -31,19 +28,19 @@ def _counted(patch: Patch) -> Counter[InitPacket | None]:
 
 
 @mutant("CHN-19", check="check_survives_any_session", code="dies")
-def crashes_when_lost_without_images(patch: Patch) -> None:
+def crashes_when_lost_without_images(patch):
     """Crashes when the message connection is lost while the memory could not be opened."""
     failed: list[bool] = [False]
 
-    def open_failed(original: Any, *arguments: Any) -> None:
+    def open_failed(original, *arguments):
         failed[0] = True
         original(*arguments)
 
-    def opened(original: Any, *arguments: Any) -> None:
+    def opened(original, *arguments):
         failed[0] = False
         original(*arguments)
 
-    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+    def lose(original, self, reason, now):
         if failed[0] and isinstance(self.machine, MessageProtocol):
             crash()
         original(self, reason, now)
@@ -54,12 +51,12 @@ def crashes_when_lost_without_images(patch: Patch) -> None:
 
 
 @mutant("CHN-20", check="check_returns_in_any_session", code="no-reconnect")
-def stays_away_after_a_second_memory(patch: Patch) -> None:
+def stays_away_after_a_second_memory(patch):
     """Does not connect to the IPC channel again once memory was announced there twice."""
 
     counts = _counted(patch)
 
-    def lose(original: Any, self: Channel, reason: str, now: float) -> None:
+    def lose(original, self, reason, now):
         lost = self.machine
         original(self, reason, now)
         if isinstance(lost, IpcProtocol) and counts[None] > 1:
@@ -73,12 +70,12 @@ def stays_away_after_a_second_memory(patch: Patch) -> None:
     check="check_uses_the_new_memory_in_any_session",
     code="open-failed",
 )
-def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
+def keeps_the_last_size_over_a_loss(patch):
     """Opens only memory of the size before, on the connection after one on which it changed."""
     changed: set[tuple[int, int]] = set()
     counts = _counted(patch)
 
-    def images(original: Any, packet: InitPacket) -> Any:
+    def images(original, packet):
         size = packet.width, packet.height
         if counts[packet] == 1 and changed and size not in changed:
             raise CannotOpenError(f"the images are not {changed} any more")
@@ -91,15 +88,15 @@ def keeps_the_last_size_over_a_loss(patch: Patch) -> None:
 
 
 @mutant("OPN-1", check="check_answers_in_any_session", code="answered-twice")
-def answers_twice_after_a_failure(patch: Patch) -> None:
+def answers_twice_after_a_failure(patch):
     """Answers `opened` twice on the connection after one on which memory could not be opened."""
     failed: list[IpcProtocol] = []
 
-    def open_failed(original: Any, self: IpcProtocol, *arguments: Any) -> None:
+    def open_failed(original, self, *arguments):
         failed.append(self)
         original(self, *arguments)
 
-    def opened(original: Any, self: IpcProtocol, packet: InitPacket) -> None:
+    def opened(original, self, packet):
         if failed and self not in failed:
             failed.clear()
             self.unsent += encode(Opened(packet.generation or 0))
@@ -114,11 +111,11 @@ def answers_twice_after_a_failure(patch: Patch) -> None:
     check="check_closes_former_memory_in_any_session",
     code="not-closed",
 )
-def closes_each_generation_once_in_its_life(patch: Patch) -> None:
+def closes_each_generation_once_in_its_life(patch):
     """Says `closed` of each generation once, over all connections."""
     said: set[int] = set()
 
-    def closed(original: Any, self: IpcProtocol, generation: int) -> None:
+    def closed(original, self, generation):
         before = bytes(self.unsent)
         original(self, generation)
         if bytes(self.unsent) != before:
@@ -134,12 +131,12 @@ def closes_each_generation_once_in_its_life(patch: Patch) -> None:
     check="check_releases_in_any_session",
     code="not-released",
 )
-def remembers_releases_over_a_loss(patch: Patch) -> None:
+def remembers_releases_over_a_loss(patch):
     """Does not release a frame of further memory if it released its like on a connection before."""
     released: set[tuple[int, int]] = set()
     counts = _counted(patch)
 
-    def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
+    def release(original, self, frame):
         image = frame.generation, frame.seq
         if image not in released:
             original(self, frame)

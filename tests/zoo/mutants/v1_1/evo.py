@@ -1,17 +1,12 @@
 """Mutants that cannot bear a later version, or speak as if they were one (EVO)."""
 
 import json
-from typing import Any
 
 from splatbus_client.events import MustClose
-from splatbus_client.ipc_protocol import IpcProtocol
-from splatbus_client.message_protocol import MessageProtocol
-from splatbus_server.connection import Connection
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import encode_packet
-from splatbus_wire.messages import Hello, Welcome
+from splatbus_wire.messages import Welcome
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seams import client, server, wire
 from tests.zoo.faults.surgery import messages, of_type
 from tests.zoo.mutant import mutant
@@ -20,64 +15,52 @@ from tests.zoo.mutants.v1_0.jsn.servers import trusts_its_scene
 LATER = "check_speaks_with_later_versions"
 
 
-@mutant("EVO-1", check=LATER, code="not-opened")
-def declines_memory_of_later_servers(patch: Patch) -> None:
+@mutant("EVO-1", check=LATER, code="not-opened", at=wire.READS_INIT_PACKET)
+def declines_memory_of_later_servers(original, message):
     """Takes an init packet that names a later version for a broken one."""
-
-    def parse(original: Any, message: Any) -> Any:
-        if message.get("version") not in (None, "1.1"):
-            raise ProtocolError("invalid_message", "that is too new", requirement="MEM-1")
-        return original(message)
-
-    wire.READS_INIT_PACKET.wrap(patch, parse)
+    if message.get("version") not in (None, "1.1"):
+        raise ProtocolError("invalid_message", "that is too new", requirement="MEM-1")
+    return original(message)
 
 
-@mutant("EVO-1", check=LATER, code="closes")
-def leaves_who_says_more_than_it_knows(patch: Patch) -> None:
+@mutant("EVO-1", check=LATER, code="closes", at=client.TAKES_PAYLOAD)
+def leaves_who_says_more_than_it_knows(original, self, payload, now):
     """Closes the message connection on a `welcome` with a member that it does not know."""
-
-    def on_payload(original: Any, self: MessageProtocol, payload: bytes, now: float) -> Any:
-        message = json.loads(payload)
-        if message.get("type") == "welcome" and set(message) - {"type", *Welcome._fields}:
-            return [MustClose("too new")]
-        return original(self, payload, now)
-
-    client.TAKES_PAYLOAD.wrap(patch, on_payload)
+    message = json.loads(payload)
+    if message.get("type") == "welcome" and set(message) - {"type", *Welcome._fields}:
+        return [MustClose("too new")]
+    return original(self, payload, now)
 
 
-@mutant("EVO-1", check=LATER, code="no-welcome")
-def server_refuses_who_speaks_a_later_version(patch: Patch) -> None:
+@mutant("EVO-1", check=LATER, code="no-welcome", at=server.ANSWERS_HELLO)
+def server_refuses_who_speaks_a_later_version(original, hello, **terms):
     """Takes a hello that lists a version which it does not know for an invalid message."""
-
-    def answer(original: Any, hello: Hello, **terms: Any) -> Any:
-        if set(hello.versions) - {"1.0", "1.1"}:
-            raise ProtocolError("invalid_message", "there is no such version", requirement="")
-        return original(hello, **terms)
-
-    server.ANSWERS_HELLO.wrap(patch, answer)
+    if set(hello.versions) - {"1.0", "1.1"}:
+        raise ProtocolError("invalid_message", "there is no such version", requirement="")
+    return original(hello, **terms)
 
 
 @mutant("EVO-2", code="unknown-capability", through="CHN-17")
-def capabilities_of_its_own(patch: Patch) -> None:
+def capabilities_of_its_own(patch):
     """Declares a capability of its own, by a name that a later version may use."""
     own = of_type("hello", lambda it: it | {"capabilities": [*it["capabilities"], "markers"]})
     messages(patch, own)
 
 
 @mutant("EVO-2", code="unknown-type")
-def types_of_its_own(patch: Patch) -> None:
+def types_of_its_own(patch):
     """Sends a type of its own to a server that speaks 1.1."""
     _says_once_welcome(patch, b'{"type":"marker"}')
 
 
 @mutant("EVO-3", code="not-granted")
-def types_of_its_own_with_a_name(patch: Patch) -> None:
+def types_of_its_own_with_a_name(patch):
     """Sends a type of its vendor's that was not agreed upon."""
     _says_once_welcome(patch, b'{"type":"x-example-marker"}')
 
 
-def _says_once_welcome(patch: Patch, payload: bytes) -> None:
-    def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
+def _says_once_welcome(patch, payload):
+    def on_welcome(original, self, welcome):
         yield from original(self, welcome)
         self.unsent += encode_packet(payload)
 
@@ -85,19 +68,19 @@ def _says_once_welcome(patch: Patch, payload: bytes) -> None:
 
 
 @mutant("EVO-2", code="unknown-type")
-def server_has_types_of_its_own(patch: Patch) -> None:
+def server_has_types_of_its_own(patch):
     """Sends a type of its own behind each `welcome`."""
     _server_says_behind_welcome(patch, b'{"type":"notice","text":"hi"}')
 
 
 @mutant("EVO-3", code="not-granted")
-def server_has_types_of_its_own_with_a_name(patch: Patch) -> None:
+def server_has_types_of_its_own_with_a_name(patch):
     """Sends a type of its vendor's that was not agreed upon."""
     _server_says_behind_welcome(patch, b'{"type":"x-example-notice","text":"hi"}')
 
 
-def _server_says_behind_welcome(patch: Patch, payload: bytes) -> None:
-    def send(original: Any, self: Connection, message: Any) -> None:
+def _server_says_behind_welcome(patch, payload):
+    def send(original, self, message):
         original(self, message)
         if isinstance(message, Welcome):
             self.unsent += encode_packet(payload)
@@ -106,7 +89,7 @@ def _server_says_behind_welcome(patch: Patch, payload: bytes) -> None:
 
 
 @mutant("EVO-4", code="unknown-member", both=True)
-def members_of_its_own(patch: Patch) -> None:
+def members_of_its_own(patch):
     """Adds a member of its own, by a name that a later version may use, to all that it says."""
     trusts_its_scene(patch)
     messages(patch, lambda message: message | {"trace": 1})

@@ -5,12 +5,10 @@ from typing import Any
 
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.memory import Memory
-from splatbus_server.service import Service
 from splatbus_server.session import Session
 from splatbus_server.viewport import Change, Viewport
 from splatbus_wire.messages import GetViewportSize, SetViewport, ViewportSize
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
 from tests.zoo.mutant import mutant
@@ -23,10 +21,10 @@ ANSWERS, TELLS = (
 KEEPS = "check_keeps_former_memory_until_it_is_closed"
 
 
-def unhindered(patch: Patch, requirement: str, words: str) -> None:
+def unhindered(patch, requirement, words):
     """Change the size of images although this should hinder it."""
 
-    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+    def hindrance(original, self, asker):
         refusal: Refusal | None = original(self, asker)
         stands = refusal is not None and requirement in refusal.reason and words in refusal.reason
         return None if stands else refusal
@@ -39,45 +37,45 @@ def unhindered(patch: Patch, requirement: str, words: str) -> None:
     check="check_answers_what_follows_another_size_after_it",
     code="out-of-order",
 )
-def server_answers_while_it_makes_memory(patch: Patch) -> None:
+def server_answers_while_it_makes_memory(patch):
     """Goes on answering requests while it has not yet answered a `set_viewport`."""
     Seam(Connection, "hold").replace(patch, lambda self: None)
 
 
 @mutant("VPT-2", check=ANSWERS, code="another-answer")
-def server_rounds_sizes_up(patch: Patch) -> None:
+def server_rounds_sizes_up(patch):
     """Says that images have a width that four divides, whatever was asked for."""
 
-    def size(width: int, height: int, id: int | None = None) -> ViewportSize:
+    def size(width, height, id=None):
         return ViewportSize(-(-width // 4) * 4, height, id)
 
     server.SIZE_IN_REPLY.replace(patch, size)
 
 
 @mutant("VPT-2", check=ANSWERS, code="wrong-size")
-def server_tells_the_former_size(patch: Patch) -> None:
+def server_tells_the_former_size(patch):
     """Agrees to a size, and leaves images as they are."""
     Seam(Viewport, "replace").wrap(patch, lambda original, self, change: None)
 
 
 @mutant("VPT-2", code="wrong-size", through="VPT-2")
-def server_swaps_sides(patch: Patch) -> None:
+def server_swaps_sides(patch):
     """Answers with the height first."""
     server.SIZE_IN_REPLY.replace(patch, lambda w, h, id=None: ViewportSize(h, w, id))
 
 
 @mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", code="another-answer")
-def server_cuts_off_who_cannot_follow(patch: Patch) -> None:
+def server_cuts_off_who_cannot_follow(patch):
     """Changes the size, whoever reads."""
     unhindered(patch, "VPT-3", "")
 
 
 @mutant("VPT-3", check="check_changes_nothing_for_who_cannot_follow", code="still-refused")
-def server_remembers_who_could_not_follow(patch: Patch) -> None:
+def server_remembers_who_could_not_follow(patch):
     """Changes no size any more once there was a reader without `reinit`."""
     remembered: list[Refusal] = []
 
-    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
+    def hindrance(original, self, asker):
         refusal: Refusal | None = original(self, asker)
         if refusal is not None and refusal.code == "unsupported":
             remembered.append(refusal)
@@ -87,11 +85,11 @@ def server_remembers_who_could_not_follow(patch: Patch) -> None:
 
 
 @mutant("VPT-2", check=ANSWERS, code="refused-yet-changed")
-def server_tells_a_size_that_it_cannot_have(patch: Patch) -> None:
+def server_tells_a_size_that_it_cannot_have(patch):
     """Tells the size that was asked for last, whether images have it or not."""
     asked: list[int] = []
 
-    def answer(original: Any, self: Session, connection: Connection, *more: Any) -> Any:
+    def answer(original, self, connection, *more):
         request = more[0]
         if isinstance(request, SetViewport):
             asked[:] = request.width, request.height
@@ -107,48 +105,43 @@ def server_tells_a_size_that_it_cannot_have(patch: Patch) -> None:
 
 
 @mutant("VPT-4", check="check_obeys_who_has_control", code="another-answer")
-def server_changes_the_size_for_anyone(patch: Patch) -> None:
+def server_changes_the_size_for_anyone(patch):
     """Changes the size, whoever asks."""
     unhindered(patch, "VPT-4", "steers")
 
 
 @mutant("VPT-4", check="check_has_memory_twice_at_most", code="another-answer")
-def server_has_memory_without_end(patch: Patch) -> None:
+def server_has_memory_without_end(patch):
     """Changes the size, whoever still reads what was before."""
     unhindered(patch, "VPT-4", "memory")
 
 
-@mutant("VPT-5", check=TELLS, code="no-init-packet")
-def server_tells_those_who_take_frames(patch: Patch) -> None:
+@mutant("VPT-5", check=TELLS, code="no-init-packet", at=server.ANNOUNCES_MEMORY)
+def server_tells_those_who_take_frames(original, self, connection, reader, *more):
     """Sends a further init packet to clients with `frames` alone."""
-
-    def announce(
-        original: Any, self: Session, connection: Connection, reader: Any, *more: Any
-    ) -> None:
-        if connection.has("frames") or not reader.told:
-            original(self, connection, reader, *more)
-
-    server.ANNOUNCES_MEMORY.wrap(patch, announce)
+    if connection.has("frames") or not reader.told:
+        original(self, connection, reader, *more)
 
 
-@mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
-def server_makes_the_same_memory_again(patch: Patch) -> None:
+@mutant(
+    "VPT-6",
+    check="check_announces_no_other_memory_unasked",
+    code="unwanted-init-packet",
+    at=server.BEGINS_OTHER_SIZE,
+)
+def server_makes_the_same_memory_again(original, self, asker, request):
     """Has new memory also for the size that its images have."""
-
-    def set_size(original: Any, self: Viewport, asker: Connection, request: Any) -> None:
-        self.change = Change(asker, request, self.exchange.memory)
-        self.chores.append(self.change.allocate)
-        asker.hold()
-
-    server.BEGINS_OTHER_SIZE.wrap(patch, set_size)
+    self.change = Change(asker, request, self.exchange.memory)
+    self.chores.append(self.change.allocate)
+    asker.hold()
 
 
 @mutant("VPT-6", check="check_announces_no_other_memory_unasked", code="unwanted-init-packet")
-def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
+def server_of_one_makes_the_same_memory_again(patch):
     """The same, and ends a message connection when another comes."""
-    server_makes_the_same_memory_again(patch)
+    server_makes_the_same_memory_again.specimens[0].alter(patch)
 
-    def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
+    def accept(original, self, channel, listener):
         former = [peer for peer in self.peers if peer.connection.channel == channel == "msg"]
         original(self, channel, listener)
         for peer in former:
@@ -158,28 +151,28 @@ def server_of_one_makes_the_same_memory_again(patch: Patch) -> None:
 
 
 @mutant("VPT-7", check="check_frees_former_memory", code="memory-left-behind")
-def server_frees_nothing(patch: Patch) -> None:
+def server_frees_nothing(patch):
     """Keeps former memory, and forgets it."""
     kept: list[Memory] = []
     server.FREES_MEMORY.replace(patch, lambda self: kept.append(self))
 
 
 @mutant("VPT-8", check="check_closes_who_does_not_let_go", code="waits")
-def server_waits_for_ever(patch: Patch) -> None:
+def server_waits_for_ever(patch):
     """Lets a client keep former memory."""
     Seam(Session, "end_who_keeps").wrap(patch, lambda original, self, now: None)
 
 
 @mutant("OPN-8", check=KEEPS, code="memory-gone")
-def server_frees_memory_at_once(patch: Patch) -> None:
+def server_frees_memory_at_once(patch):
     """Frees former memory when there is other, whoever reads it."""
     forgets(patch, lambda reader, generation: True)
 
 
-def forgets(patch: Patch, forgotten: Any) -> None:
+def forgets(patch, forgotten):
     """Forget that a reader has former memory, of some generations."""
 
-    def free(original: Any, self: Session, now: float) -> None:
+    def free(original, self, now):
         for reader in self.readers.values():
             former = [number for number in reader.announced if number < reader.told]
             for number in former:
@@ -190,82 +183,69 @@ def forgets(patch: Patch, forgotten: Any) -> None:
     Seam(Session, "free_replaced").wrap(patch, free)
 
 
-@mutant("OPN-8", check=KEEPS, code="written-while-held")
-def server_wipes_former_memory(patch: Patch) -> None:
+@mutant("OPN-8", check=KEEPS, code="written-while-held", at=server.MAKES_SUCCESSOR)
+def server_wipes_former_memory(original, self, *size):
     """Overwrites memory that was replaced, before it is freed."""
-
-    def successor(original: Any, self: Memory, *size: int) -> Any:
-        made = original(self, *size)
-        for slot in range(self.ring.slots):
-            self.color(slot)[:] = 0.0
-        return made
-
-    server.MAKES_SUCCESSOR.wrap(patch, successor)
+    made = original(self, *size)
+    for slot in range(self.ring.slots):
+        self.color(slot)[:] = 0.0
+    return made
 
 
 @mutant("OPN-8", check="check_keeps_former_memory_for_who_may_open_it", code="memory-gone")
-def server_frees_what_nobody_has_opened(patch: Patch) -> None:
+def server_frees_what_nobody_has_opened(patch):
     """Frees former memory once those who said that they had opened it have closed it."""
     forgets(patch, lambda reader, generation: generation not in reader.opened)
 
 
-@mutant("OPN-14", check="check_closed_ends_the_lease", code="no-frame")
-def server_waits_for_the_release(patch: Patch) -> None:
+@mutant("OPN-14", check="check_closed_ends_the_lease", code="no-frame", at=server.HEARS_OF_MEMORY)
+def server_waits_for_the_release(original, self, connection, message):
     """Takes a frame for held until it is released, whatever becomes of its memory."""
-
-    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        reader = self.readers.get(connection)
-        lease = reader.lease if reader is not None else None
-        refusal = original(self, connection, message)
-        if reader is not None:
-            reader.lease = lease
-        return refusal
-
-    server.HEARS_OF_MEMORY.wrap(patch, answered)
+    reader = self.readers.get(connection)
+    lease = reader.lease if reader is not None else None
+    refusal = original(self, connection, message)
+    if reader is not None:
+        reader.lease = lease
+    return refusal
 
 
 @mutant("IMG-5", check="check_images_of_another_size_are_right", code="other-pixels")
-def server_keeps_the_lens_of_the_first_size(patch: Patch) -> None:
+def server_keeps_the_lens_of_the_first_size(patch):
     """Renders images of all sizes with the focal length in pixels that the first had."""
     first: list[Any] = []
 
-    def former(camera: Any) -> Any:
+    def former(camera):
         first.append(camera)
         return replace(camera, fx=first[0].fx, fy=first[0].fy)
 
     cameras(patch, former)
 
 
-@mutant("VPT-4", check="check_obeys_who_has_control", code="another-answer")
-def server_obeys_who_waits_for_control(patch: Patch) -> None:
+@mutant(
+    "VPT-4",
+    check="check_obeys_who_has_control",
+    code="another-answer",
+    at=server.HINDERS_OTHER_SIZE,
+)
+def server_obeys_who_waits_for_control(original, self, asker):
     """Changes the size for a client that has posed, though another one has control."""
-
-    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
-        refusal: Refusal | None = original(self, asker)
-        stands = refusal is not None and "steers" in refusal.reason
-        return None if stands and asker in self.control.sent else refusal
-
-    server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)
+    refusal: Refusal | None = original(self, asker)
+    stands = refusal is not None and "steers" in refusal.reason
+    return None if stands and asker in self.control.sent else refusal
 
 
-@mutant("VPT-10", check="check_is_not_busy_for_ever", code="busy-for-ever")
-def server_keeps_the_second_size_for_ever(patch: Patch) -> None:
+@mutant(
+    "VPT-10", check="check_is_not_busy_for_ever", code="busy-for-ever", at=server.HINDERS_OTHER_SIZE
+)
+def server_keeps_the_second_size_for_ever(original, self, asker):
     """Says `busy` from the second change on, as one does that never has former memory freed."""
-
-    def hindrance(original: Any, self: Session, asker: Connection) -> Refusal | None:
-        if self.exchange.memory.generation > 1:
-            return Refusal("busy", "memory of the former size is in use")
-        given: Refusal | None = original(self, asker)
-        return given
-
-    server.HINDERS_OTHER_SIZE.wrap(patch, hindrance)
+    if self.exchange.memory.generation > 1:
+        return Refusal("busy", "memory of the former size is in use")
+    given: Refusal | None = original(self, asker)
+    return given
 
 
-@mutant("NEG-41", code="owns-up", through="VPT-2")
-def server_fails_at_other_sizes(patch: Patch) -> None:
+@mutant("NEG-41", code="owns-up", through="VPT-2", at=server.BEGINS_OTHER_SIZE)
+def server_fails_at_other_sizes(original, self, *arguments):
     """Answers every change of size by `internal`."""
-
-    def begin(original: Any, self: Viewport, *arguments: Any) -> None:
-        raise KeyError("size")
-
-    server.BEGINS_OTHER_SIZE.wrap(patch, begin)
+    raise KeyError("size")

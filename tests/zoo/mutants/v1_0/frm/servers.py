@@ -3,17 +3,14 @@
 import math
 import time
 from contextlib import suppress
-from typing import Any
 
 from splatbus_server.connection import Connection
 from splatbus_server.peer import Peer
-from splatbus_server.service import Service
 from splatbus_server.states import OPEN
 from splatbus_wire import framing
 from splatbus_wire.errors import FramingError, ProtocolError
 from splatbus_wire.json_text import parse_object
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seams import server, wire
 from tests.zoo.faults.surgery import crash
 from tests.zoo.mutant import mutant
@@ -21,26 +18,22 @@ from tests.zoo.mutant import mutant
 LONGEST = framing.MAX_PAYLOAD_BYTES
 
 
-@mutant("FRM-1", code="cut-short", through="FRM-3")
-def server_ends_within_a_packet(patch: Patch) -> None:
+@mutant("FRM-1", code="cut-short", through="FRM-3", at=server.ENDS_CONNECTION)
+def server_ends_within_a_packet(original, self, reason, now):
     """Begins one more packet when it ends a connection."""
-
-    def end(original: Any, self: Connection, reason: str, now: float) -> None:
-        if self.is_open:
-            self.unsent += b"\x1c\x00\x00\x00{"
-        original(self, reason, now)
-
-    server.ENDS_CONNECTION.wrap(patch, end)
+    if self.is_open:
+        self.unsent += b"\x1c\x00\x00\x00{"
+    original(self, reason, now)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
-def server_waits_on_after_a_bad_length(patch: Patch) -> None:
+def server_waits_on_after_a_bad_length(patch):
     """Reads nothing more after a bad header, and keeps the connection."""
     _waits_after_a_bad_length(patch, math.inf, "ipc", "msg")
 
 
-def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> None:
-    def next_event(original: Any, self: Connection, now: float) -> Any:
+def _waits_after_a_bad_length(patch, seconds, *channels):
+    def next_event(original, self, now):
         state = self.state
         event = original(self, now)
         try:
@@ -58,12 +51,12 @@ def _waits_after_a_bad_length(patch: Patch, seconds: float, *channels: str) -> N
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
-def server_waits_for_any_length(patch: Patch) -> None:
+def server_waits_for_any_length(patch):
     """Waits on the message channel for as many bytes as a header announces, as long as for any
     packet.
     """
 
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+    def receive(original, self, data, now):
         most = 1 << 33 if self.channel == "msg" else LONGEST
         wire.MOST_PAYLOAD_BYTES.replace(patch, most)
         original(self, data, now)
@@ -71,31 +64,27 @@ def server_waits_for_any_length(patch: Patch) -> None:
     server.RECEIVES.wrap(patch, receive)
 
 
-@mutant("FRM-3", check="check_bad_length_closes", code="replies")
-def server_answers_behind_a_bad_length(patch: Patch) -> None:
+@mutant("FRM-3", check="check_bad_length_closes", code="replies", at=server.RECEIVES)
+def server_answers_behind_a_bad_length(original, self, data, now):
     """Answers what came with a bad header before it closes."""
-
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        length = int.from_bytes(data[:4], "little")
-        bad = self.channel == "msg" and len(data) > 4 and not 1 <= length <= LONGEST
-        if bad and not self.reader.incomplete:
-            original(self, data[4:], now)
-            data = data[:4]
-        original(self, data, now)
-
-    server.RECEIVES.wrap(patch, receive)
+    length = int.from_bytes(data[:4], "little")
+    bad = self.channel == "msg" and len(data) > 4 and not 1 <= length <= LONGEST
+    if bad and not self.reader.incomplete:
+        original(self, data[4:], now)
+        data = data[:4]
+    original(self, data, now)
 
 
 @mutant("FRM-3", check="check_bad_length_closes", code="hangs")
-def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
+def server_greets_nobody_after_a_bad_length(patch):
     """Accepts nobody any more on the IPC channel once a length there was bad."""
 
-    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+    def end(original, self, reason, now):
         original(self, reason, now)
         if "[FRM-3]" in reason and self.channel == "ipc":
             bad.append(reason)
 
-    def accept(original: Any, self: Service, channel: str, listener: Any) -> None:
+    def accept(original, self, channel, listener):
         if bad and channel == "ipc":
             self.selector.unregister(listener)
         else:
@@ -107,20 +96,20 @@ def server_greets_nobody_after_a_bad_length(patch: Patch) -> None:
 
 
 @mutant("FRM-4", check="check_the_longest_packet", code="no-reply")
-def server_refuses_the_longest_packet(patch: Patch) -> None:
+def server_refuses_the_longest_packet(patch):
     """Refuses payloads of the greatest length."""
     wire.MOST_PAYLOAD_BYTES.replace(patch, framing.MAX_PAYLOAD_BYTES - 1)
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
-def server_handles_four_packets_a_read(patch: Patch) -> None:
+def server_handles_four_packets_a_read(patch):
     """Handles four packets of what a read returned, and the others when more comes."""
 
-    def take(original: Any, self: Service, peer: Peer, data: bytes) -> None:
+    def take(original, self, peer, data):
         handled[peer] = 0
         original(self, peer, data)
 
-    def next_packet(original: Any, self: framing.PacketDecoder) -> Any:
+    def next_packet(original, self):
         peer = next((it for it in handled if it.connection.reader.decoder is self), None)
         if peer is None or self.error is not None:
             return original(self)
@@ -132,49 +121,45 @@ def server_handles_four_packets_a_read(patch: Patch) -> None:
     wire.NEXT_PACKET.wrap(patch, next_packet)
 
 
-@mutant("FRM-4", check="check_any_segmentation", code="not-taken")
-def server_answers_twice_what_was_cut(patch: Patch) -> None:
+@mutant("FRM-4", check="check_any_segmentation", code="not-taken", at=server.RECEIVES)
+def server_answers_twice_what_was_cut(original, self, data, now):
     """Answers a request twice whose packet was cut behind its header."""
-
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        was_cut = len(self.reader.decoder.unfinished) > 4
-        original(self, data, now)
-        waiting = self.reader.decoder.payloads
-        if was_cut and self.channel == "msg" and waiting:
-            waiting.appendleft(waiting[0])
-
-    server.RECEIVES.wrap(patch, receive)
+    was_cut = len(self.reader.decoder.unfinished) > 4
+    original(self, data, now)
+    waiting = self.reader.decoder.payloads
+    if was_cut and self.channel == "msg" and waiting:
+        waiting.appendleft(waiting[0])
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
-def server_takes_each_read_for_a_packet(patch: Patch) -> None:
+def server_takes_each_read_for_a_packet(patch):
     """Takes what one read returns for whole packets, and drops what is left over."""
     _forget_what_is_left_over(patch, "msg")
 
 
 @mutant("FRM-4", check="check_any_segmentation", code="not-taken")
-def server_takes_each_read_for_a_packet_on_ipc(patch: Patch) -> None:
+def server_takes_each_read_for_a_packet_on_ipc(patch):
     """The same on the IPC channel."""
     _forget_what_is_left_over(patch, "ipc")
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
-def server_goes_on_with_half_a_packet(patch: Patch) -> None:
+def server_goes_on_with_half_a_packet(patch):
     """Continues the packet of one connection with the bytes of the next."""
     _continues(patch, "msg")
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
-def server_goes_on_with_half_a_hello(patch: Patch) -> None:
+def server_goes_on_with_half_a_hello(patch):
     """The same on the IPC channel."""
     _continues(patch, "ipc")
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
-def server_goes_on_after_a_reset(patch: Patch) -> None:
+def server_goes_on_after_a_reset(patch):
     """The same on the message channel, where the former connection was reset."""
 
-    def drop(original: Any, self: Service, peer: Peer) -> None:
+    def drop(original, self, peer):
         if peer.connection.channel == "msg" and not peer.connection.input_ended:
             left["msg"] = bytes(peer.connection.reader.decoder.unfinished)
         original(self, peer)
@@ -183,36 +168,30 @@ def server_goes_on_after_a_reset(patch: Patch) -> None:
     server.DROPS_CLIENT.wrap(patch, drop)
 
 
-@mutant("FRM-6", check="check_cut_request_is_not_answered", code="unasked-reply")
-def server_makes_do_with_a_cut_packet(patch: Patch) -> None:
+@mutant(
+    "FRM-6", check="check_cut_request_is_not_answered", code="unasked-reply", at=server.RECEIVES
+)
+def server_makes_do_with_a_cut_packet(original, self, data, now):
     """Takes what has come of a packet for the whole when the stream ends."""
-
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
-        if not data and self.reader.incomplete:
-            original(self, b" ", now)
-        original(self, data, now)
-
-    server.RECEIVES.wrap(patch, receive)
+    if not data and self.reader.incomplete:
+        original(self, b" ", now)
+    original(self, data, now)
 
 
-@mutant("FRM-7", code="header-apart")
-def server_writes_header_and_payload_apart(patch: Patch) -> None:
+@mutant("FRM-7", code="header-apart", at=server.FLUSHES)
+def server_writes_header_and_payload_apart(original, self, peer, now):
     """Sends the header of what it sends, and two milliseconds later the rest."""
-
-    def flush(original: Any, self: Service, peer: Peer, now: float) -> None:
-        unsent = peer.connection.unsent
-        if len(unsent) > 4:
-            del unsent[: peer.socket.send(unsent[:4])]
-            time.sleep(0.002)
-        original(self, peer, now)
-
-    server.FLUSHES.wrap(patch, flush)
+    unsent = peer.connection.unsent
+    if len(unsent) > 4:
+        del unsent[: peer.socket.send(unsent[:4])]
+        time.sleep(0.002)
+    original(self, peer, now)
 
 
-def _continues(patch: Patch, channel: str) -> None:
+def _continues(patch, channel):
     """Keep what was incomplete when a connection of a channel ended for the next one."""
 
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+    def receive(original, self, data, now):
         if not data and self.channel == channel:
             left[channel] = bytes(self.reader.decoder.unfinished)
         original(self, data, now)
@@ -221,11 +200,11 @@ def _continues(patch: Patch, channel: str) -> None:
     server.RECEIVES.wrap(patch, receive)
 
 
-def _left_over(patch: Patch) -> dict[str, bytes]:
+def _left_over(patch):
     """What new connections begin with, by channel."""
     left: dict[str, bytes] = {}
 
-    def init(original: Any, self: Connection, *arguments: Any) -> None:
+    def init(original, self, *arguments):
         original(self, *arguments)
         if rest := left.pop(self.channel, b""):
             self.reader.decoder.receive(rest)
@@ -234,8 +213,8 @@ def _left_over(patch: Patch) -> dict[str, bytes]:
     return left
 
 
-def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> Any:
+def _forget_what_is_left_over(patch, channel):
+    def receive(original, self, data, now):
         given = original(self, data, now)
         if self.channel == channel:
             self.reader.decoder.unfinished.clear()
@@ -245,15 +224,15 @@ def _forget_what_is_left_over(patch: Patch, channel: str) -> None:
 
 
 @mutant("FRM-6", check="check_half_packet_is_discarded", code="dies")
-def server_dies_of_half_a_hello(patch: Patch) -> None:
+def server_dies_of_half_a_hello(patch):
     """Does not expect that a client leaves while it says hello."""
     said: dict[Connection, bytes] = {}
 
-    def receive(original: Any, self: Connection, data: bytes, now: float) -> None:
+    def receive(original, self, data, now):
         said[self] = (said.get(self, b"") + data)[:64]
         original(self, data, now)
 
-    def end(original: Any, self: Connection, reason: str, now: float) -> None:
+    def end(original, self, reason, now):
         if "FRM-6" in reason and b"hello" in said.get(self, b""):
             crash()
         original(self, reason, now)
@@ -262,37 +241,35 @@ def server_dies_of_half_a_hello(patch: Patch) -> None:
     server.ENDS_CONNECTION.wrap(patch, end)
 
 
-@mutant("FRM-5", check="check_incomplete_packet_behind_another_size", code="hangs")
-def server_waits_forever_behind_another_size(patch: Patch) -> None:
+@mutant(
+    "FRM-5", check="check_incomplete_packet_behind_another_size", code="hangs", at=server.GOES_ON
+)
+def server_waits_forever_behind_another_size(original, self, now):
     """Sets no limit to a packet that began while a reply was held back."""
-
-    def go_on(original: Any, self: Connection, now: float) -> None:
-        original(self, now)
-        self.reader.deadline = math.inf
-
-    server.GOES_ON.wrap(patch, go_on)
+    original(self, now)
+    self.reader.deadline = math.inf
 
 
 @mutant("FRM-4", check="check_the_longest_packet", code="no-reply")
-def server_refuses_the_longest_packet_after_hello(patch: Patch) -> None:
+def server_refuses_the_longest_packet_after_hello(patch):
     """Refuses requests of the greatest length of a client of 1.1."""
     _refuses_the_longest(patch, b'"get_', greeted=True)
 
 
 @mutant("FRM-4", check="check_the_longest_hello", code="no-welcome")
-def server_refuses_the_longest_hello(patch: Patch) -> None:
+def server_refuses_the_longest_hello(patch):
     """Refuses a hello of the greatest length."""
     _refuses_the_longest(patch, b'"hello"', greeted=False)
 
 
 @mutant("FRM-4", check="check_the_longest_pose", code="ignores")
-def server_refuses_the_longest_pose(patch: Patch) -> None:
+def server_refuses_the_longest_pose(patch):
     """Refuses poses of the greatest length of a client of 1.1."""
     _refuses_the_longest(patch, b'"camera_pose"', greeted=True)
 
 
-def _refuses_the_longest(patch: Patch, part: bytes, *, greeted: bool) -> None:
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+def _refuses_the_longest(patch, part, *, greeted):
+    def understand(original, self, payload, now):
         if len(payload) == LONGEST and part in payload and (self.welcome is not None) == greeted:
             error = ProtocolError("internal", "so long", requirement="FRM-2")
             with suppress(ProtocolError):

@@ -2,15 +2,12 @@
 
 import json
 import re
-from collections.abc import Callable
-from typing import Any
 
 from splatbus_server import api, connection
 from splatbus_server.connection import Connection, Refusal
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import GetScene
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server, wire
 from tests.zoo.faults.surgery import crash, payloads
@@ -25,47 +22,47 @@ KNOWN = {
 }
 
 
-def trusts_its_scene(patch: Patch) -> None:
+def trusts_its_scene(patch):
     """Do not look, before it serves, whether its scene can be told as it writes it."""
     Seam(api, "checked_scene").replace(patch, lambda scene: scene)
 
 
 @mutant("JSN-1", code="no-json")
-def server_writes_a_trailing_comma(patch: Patch) -> None:
+def server_writes_a_trailing_comma(patch):
     """Writes a comma after the last member."""
     trusts_its_scene(patch)
     payloads(patch, lambda payload: payload[:-1] + b",}")
 
 
 @mutant("JSN-2", code="byte-order-mark")
-def server_writes_a_byte_order_mark(patch: Patch) -> None:
+def server_writes_a_byte_order_mark(patch):
     """Begins each payload with a byte-order mark."""
     trusts_its_scene(patch)
     payloads(patch, lambda payload: MARK + payload)
 
 
 @mutant("JSN-3", code="member-twice")
-def server_writes_the_size_twice(patch: Patch) -> None:
+def server_writes_the_size_twice(patch):
     """Writes a member twice."""
     size = b'"viewport_size":[64,48]'
     payloads(patch, lambda payload: payload.replace(size, size + b"," + size))
 
 
 @mutant("JSN-4", code="number-as-string", through="REQ-7")
-def server_writes_numbers_as_strings(patch: Patch) -> None:
+def server_writes_numbers_as_strings(patch):
     """Writes the numbers of positions as strings."""
     zeros = b'"position":[0.0,0.0,0.0]'
     payloads(patch, lambda payload: payload.replace(zeros, zeros.replace(b"0.0", b'"0.0"')))
 
 
 @mutant("JSN-4", code="overflows", through="CHN-12")
-def server_counts_generations_too_far(patch: Patch) -> None:
+def server_counts_generations_too_far(patch):
     """Numbers its memory beyond double precision."""
     payloads(patch, lambda payload: GENERATION.sub(b"1e400", payload))
 
 
 @mutant("JSN-5", code="too-deep")
-def server_nests_too_deep(patch: Patch) -> None:
+def server_nests_too_deep(patch):
     """Adds a member to each message that is nested one level too deep."""
     trusts_its_scene(patch)
     deep = b',"x":' + b"[" * 64 + b"]" * 64 + b"}"
@@ -73,81 +70,81 @@ def server_nests_too_deep(patch: Patch) -> None:
 
 
 @mutant("JSN-6", check="check_takes_any_spelling", code="closes")
-def server_wants_no_space_before_a_request(patch: Patch) -> None:
+def server_wants_no_space_before_a_request(patch):
     """Refuses requests that do not begin with a brace."""
     _refuses(patch, "msg", lambda text: text[:1] != b"{", "get_")
 
 
 @mutant("JSN-6", check="check_takes_any_spelling_of_poses", code="ignores")
-def server_wants_no_space_before_a_pose(patch: Patch) -> None:
+def server_wants_no_space_before_a_pose(patch):
     """Refuses poses that do not begin with a brace."""
     _refuses(patch, "msg", lambda text: text[:1] != b"{", "camera_pose")
 
 
 @mutant("JSN-6", check="check_takes_any_spelling", code="closes")
-def server_wants_no_escapes_on_ipc(patch: Patch) -> None:
+def server_wants_no_escapes_on_ipc(patch):
     """Refuses escapes on the IPC channel."""
     _refuses(patch, "ipc", lambda text: b"\\u" in text)
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members", code="closes")
-def server_knows_all_members_of_requests(patch: Patch) -> None:
+def server_knows_all_members_of_requests(patch):
     """Refuses requests with members that it does not know."""
     _refuses(patch, "msg", _has_unknown_members, "get_")
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members_of_poses", code="ignores")
-def server_knows_all_members_of_poses(patch: Patch) -> None:
+def server_knows_all_members_of_poses(patch):
     """Refuses poses with members that it does not know."""
     _refuses(patch, "msg", _has_unknown_members, "camera_pose")
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members", code="closes")
-def server_knows_all_members_on_ipc(patch: Patch) -> None:
+def server_knows_all_members_on_ipc(patch):
     """Refuses messages with members that it does not know on the IPC channel."""
     _refuses(patch, "ipc", _has_unknown_members)
 
 
 @mutant("JSN-8", check="check_does_not_answer_broken_text", code="replies")
-def server_skips_the_byte_order_mark(patch: Patch) -> None:
+def server_skips_the_byte_order_mark(patch):
     """Answers requests that begin with a byte-order mark."""
     _reads(patch, b"get_", lambda payload: payload.removeprefix(MARK))
 
 
 @mutant("JSN-8", check="check_does_not_move_by_broken_text", code="applies")
-def server_takes_poses_in_an_array(patch: Patch) -> None:
+def server_takes_poses_in_an_array(patch):
     """Applies poses that stand in an array."""
     _reads(patch, b"camera_pose", lambda payload: payload.strip(b"[]"))
 
 
 @mutant("JSN-9", check="check_handles_the_next_packet", code="hangs")
-def server_skips_the_packet_after_a_broken_one(patch: Patch) -> None:
+def server_skips_the_packet_after_a_broken_one(patch):
     """Ignores the next packet too."""
     _skips_the_next_packet(patch, "msg")
 
 
 @mutant("JSN-9", check="check_handles_the_next_packet", code="ignores")
-def server_skips_the_packet_after_a_broken_one_on_ipc(patch: Patch) -> None:
+def server_skips_the_packet_after_a_broken_one_on_ipc(patch):
     """The same on the IPC channel."""
     _skips_the_next_packet(patch, "ipc")
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads", code="dies")
-def server_dies_of_deep_text(patch: Patch) -> None:
+def server_dies_of_deep_text(patch):
     """Overflows its stack on deep text."""
     _dies(patch, "msg", lambda payload: payload.count(b"[") > 50_000)
 
 
 @mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
-def server_dies_of_what_is_no_object(patch: Patch) -> None:
+def server_dies_of_what_is_no_object(patch):
     """Takes the members of an array on the IPC channel."""
     _dies(patch, "ipc", lambda payload: payload.startswith(b"["))
 
 
-def _refuses(patch: Patch, channel: str, wrong: Callable[[bytes], bool], kind: str = "") -> None:
+def _refuses(patch, channel, wrong, kind=""):
     """Refuse payloads of a channel, and of types that begin so, that are `wrong`."""
 
-    def decode(original: Any, payload: bytes, on: str, said_hello: bool) -> Any:
+    def decode(original, payload, on, said_hello):
         if on == channel and wrong(payload) and str(_value(payload).get("type")).startswith(kind):
             error = ProtocolError("invalid_message", "not as it has to be", requirement="JSN-6")
             error.received = _value(payload)
@@ -158,19 +155,19 @@ def _refuses(patch: Patch, channel: str, wrong: Callable[[bytes], bool], kind: s
     Seam(connection, "read_short_message").wrap(patch, decode)
 
 
-def _reads(patch: Patch, holding: bytes, change: Callable[[bytes], bytes]) -> None:
+def _reads(patch, holding, change):
     """Read payloads that hold some text as if they were others."""
 
-    def parse(original: Any, payload: bytes, *most: int) -> Any:
+    def parse(original, payload, *most):
         return original(change(payload) if holding in payload else payload)
 
     wire.READS_OBJECT.wrap(patch, parse)
 
 
-def _skips_the_next_packet(patch: Patch, channel: str) -> None:
+def _skips_the_next_packet(patch, channel):
     skipping: set[Connection] = set()
 
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+    def understand(original, self, payload, now):
         if self in skipping:
             skipping.remove(self)
             return Refusal("malformed_json", "it comes after such a one")
@@ -183,8 +180,8 @@ def _skips_the_next_packet(patch: Patch, channel: str) -> None:
     server.UNDERSTANDS.wrap(patch, understand)
 
 
-def _dies(patch: Patch, channel: str, when: Callable[[bytes], bool]) -> None:
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
+def _dies(patch, channel, when):
+    def understand(original, self, payload, now):
         if self.channel == channel and when(payload):
             crash()
         return original(self, payload, now)
@@ -192,7 +189,7 @@ def _dies(patch: Patch, channel: str, when: Callable[[bytes], bool]) -> None:
     server.UNDERSTANDS.wrap(patch, understand)
 
 
-def _value(payload: bytes) -> Any:
+def _value(payload):
     try:
         value = json.loads(payload)
     except ValueError:
@@ -200,19 +197,15 @@ def _value(payload: bytes) -> Any:
     return value if isinstance(value, dict) else {}
 
 
-def _has_unknown_members(payload: bytes) -> bool:
+def _has_unknown_members(payload):
     return not set(_value(payload)) <= KNOWN
 
 
-@mutant("JSN-7", check="check_ignores_unknown_members", code="another-answer")
-def server_reports_unknown_members(patch: Patch) -> None:
+@mutant("JSN-7", check="check_ignores_unknown_members", code="another-answer", at=server.DECODES)
+def server_reports_unknown_members(original, payload, *arguments, **named):
     """Says `invalid_message` of a request of 1.1 with members that it does not know."""
-
-    def decode(original: Any, payload: bytes, *arguments: Any, **named: Any) -> Any:
-        message = original(payload, *arguments, **named)
-        strange = isinstance(message, GetScene) and set(json.loads(payload)) - {*KNOWN, "id"}
-        if strange:
-            raise ProtocolError("invalid_message", "what is that?", requirement="SCN-1")
-        return message
-
-    server.DECODES.wrap(patch, decode)
+    message = original(payload, *arguments, **named)
+    strange = isinstance(message, GetScene) and set(json.loads(payload)) - {*KNOWN, "id"}
+    if strange:
+        raise ProtocolError("invalid_message", "what is that?", requirement="SCN-1")
+    return message

@@ -5,14 +5,11 @@ import time
 from typing import Any
 
 from splatbus_conformance.wire.messages import camera_pose, encode
-from splatbus_server.connection import Connection
-from splatbus_server.control import Control
 from splatbus_server.session import Session
 from splatbus_wire import from_client, plain_poses, rotations
 from splatbus_wire.messages import CameraPose, PointCloudPose, ViewportSize
 from splatbus_wire.poses import IDENTITY
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server, wire
 from tests.zoo.faults.surgery import Json, crash
@@ -20,10 +17,10 @@ from tests.zoo.mutant import mutant
 
 
 @mutant("POS-5", check="check_takes_members_by_name", code="ignores")
-def server_takes_members_as_they_come(patch: Patch) -> None:
+def server_takes_members_as_they_come(patch):
     """Takes the numbers of a rotation in the order in which they stand."""
 
-    def parse(original: Any, payload: bytes, *most: int) -> Json:
+    def parse(original, payload, *most):
         message: Json = original(payload, *most)
         rotation = message.get("rotation")
         if isinstance(rotation, dict) and set(rotation) == set("xyzw"):
@@ -35,16 +32,16 @@ def server_takes_members_as_they_come(patch: Patch) -> None:
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
-def server_fills_in_what_a_pose_lacks(patch: Patch) -> None:
+def server_fills_in_what_a_pose_lacks(patch):
     """Takes the origin for a position that is missing."""
     _repairs(patch, lambda message: {"position": dict.fromkeys("xyz", 0.0)} | message)
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
-def server_scales_every_rotation(patch: Patch) -> None:
+def server_scales_every_rotation(patch):
     """Makes a unit quaternion of every rotation."""
 
-    def scaled(message: Json) -> Json:
+    def scaled(message):
         rotation = message.get("rotation")
         if not isinstance(rotation, dict) or not all(type(n) is float for n in rotation.values()):
             return message
@@ -55,83 +52,75 @@ def server_scales_every_rotation(patch: Patch) -> None:
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
-def server_rounds_norms(patch: Patch) -> None:
+def server_rounds_norms(patch):
     """Takes norms that are 0.99 or 1.01 in single precision for ones within the limits."""
     tolerating(patch, 0.01 + 2.0**-23)
 
 
 @mutant("POS-7", check="check_poses_at_the_limits_are_poses", code="pose-not-shown")
-def server_is_strict_with_norms(patch: Patch) -> None:
+def server_is_strict_with_norms(patch):
     """Refuses rotations whose norm differs from 1 by nearly 0.01."""
     tolerating(patch, 0.00999)
 
 
-def tolerating(patch: Patch, tolerance: float) -> None:
+def tolerating(patch, tolerance):
     """Judge rotations by another tolerance."""
     for module in (plain_poses, rotations):
         Seam(module, "NORM_TOLERANCE").replace(patch, tolerance)
 
 
-@mutant("POS-10", code="answered", through="POS-5")
-def server_acknowledges_poses(patch: Patch) -> None:
+@mutant("POS-10", code="answered", through="POS-5", at=server.TAKES_POSE)
+def server_acknowledges_poses(original, self, connection, message):
     """Replies to each pose with the size of the image."""
-
-    def move(
-        original: Any, self: Session, connection: Connection, message: CameraPose | PointCloudPose
-    ) -> Any:
-        connection.send(ViewportSize(64, 48, None))
-        return original(self, connection, message)
-
-    server.TAKES_POSE.wrap(patch, move)
+    connection.send(ViewportSize(64, 48, None))
+    return original(self, connection, message)
 
 
-@mutant("POS-11", check="check_one_connection_has_control", code="applied-without-control")
-def server_obeys_everyone(patch: Patch) -> None:
+@mutant(
+    "POS-11",
+    check="check_one_connection_has_control",
+    code="applied-without-control",
+    at=server.OBEYS,
+)
+def server_obeys_everyone(original, self, connection, message):
     """Applies the newest pose, whoever sent it."""
-
-    def move(original: Any, self: Control, connection: Any, message: Any) -> bool:
-        self.poses = self.poses.moved_by(message)
-        return True
-
-    server.OBEYS.wrap(patch, move)
+    self.poses = self.poses.moved_by(message)
+    return True
 
 
 @mutant("POS-11", check="check_one_connection_has_control", code="control-not-passed-on")
-def server_obeys_the_first_forever(patch: Patch) -> None:
+def server_obeys_the_first_forever(patch):
     """Does not pass control on when the connection that has it closes."""
     server.PASSES_CONTROL_ON.wrap(patch, lambda original, self, connection: False)
 
 
-@mutant("POS-11", check="check_one_connection_has_control", code="control-not-given")
-def server_gives_control_for_a_broken_pose(patch: Patch) -> None:
+@mutant(
+    "POS-11",
+    check="check_one_connection_has_control",
+    code="control-not-given",
+    at=server.UNDERSTANDS,
+)
+def server_gives_control_for_a_broken_pose(original, self, payload, now):
     """Gives control to who sends a broken pose first."""
-
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
-        event = original(self, payload, now)
-        broken = b"camera_pose" in payload and not isinstance(event, CameraPose | PointCloudPose)
-        return CameraPose(IDENTITY, None) if broken and b"cam_idx" not in payload else event
-
-    server.UNDERSTANDS.wrap(patch, understand)
+    event = original(self, payload, now)
+    broken = b"camera_pose" in payload and not isinstance(event, CameraPose | PointCloudPose)
+    return CameraPose(IDENTITY, None) if broken and b"cam_idx" not in payload else event
 
 
-@mutant("POS-7", check="check_the_newest_camera_is_shown", code="no-frame")
-def server_closes_its_readers_at_a_far_camera(patch: Patch) -> None:
+@mutant("POS-7", check="check_the_newest_camera_is_shown", code="no-frame", at=server.TAKES_POSE)
+def server_closes_its_readers_at_a_far_camera(original, self, connection, message):
     """Ends every reader when the camera is far away, though not when it is where nobody looks."""
-
-    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        away = max(map(abs, message.pose.position)) if isinstance(message, CameraPose) else 0.0
-        if 100.0 < away < 10_000.0:
-            for reader in self.readers:
-                reader.end("it cannot be shown that far", time.monotonic())
-        return original(self, connection, message)
-
-    server.TAKES_POSE.wrap(patch, move)
+    away = max(map(abs, message.pose.position)) if isinstance(message, CameraPose) else 0.0
+    if 100.0 < away < 10_000.0:
+        for reader in self.readers:
+            reader.end("it cannot be shown that far", time.monotonic())
+    return original(self, connection, message)
 
 
-def _repairs(patch: Patch, repair: Any) -> None:
+def _repairs(patch, repair):
     """Repair camera poses before they are judged."""
 
-    def parse(original: Any, payload: bytes, *most: int) -> Json:
+    def parse(original, payload, *most):
         message: Json = original(payload, *most)
         return repair(message) if message.get("type") == "camera_pose" else message
 
@@ -139,10 +128,10 @@ def _repairs(patch: Patch, repair: Any) -> None:
 
 
 @mutant("POS-6", check="check_keeps_the_former_pose_of_the_gaussians", code="applies")
-def server_moves_gaussians_that_it_will_not_turn(patch: Patch) -> None:
+def server_moves_gaussians_that_it_will_not_turn(patch):
     """Moves the Gaussians by a pose whose rotation has another norm, and does not turn them."""
 
-    def pose(original: Any, kind: Any, message: Any) -> Any:
+    def pose(original, kind, message):
         rotation = message.value.get("rotation")
         members = rotation.values() if isinstance(rotation, dict) else ()
         norm = math.hypot(*members) if members and all(map(is_number, members)) else 1.0
@@ -150,25 +139,25 @@ def server_moves_gaussians_that_it_will_not_turn(patch: Patch) -> None:
             message.value["rotation"] = dict(zip("xyzw", IDENTITY.rotation, strict=True))
         return original(kind, message)
 
-    def is_number(value: Any) -> bool:
+    def is_number(value):
         return isinstance(value, int | float) and not isinstance(value, bool)
 
     Seam(from_client, "pose_of_1_0").wrap(patch, pose)
 
 
 @mutant("POS-7", check="check_the_last_of_one_piece_is_shown", code="not-the-newest")
-def server_takes_the_first_of_one_piece(patch: Patch) -> None:
+def server_takes_the_first_of_one_piece(patch):
     """Takes one camera until it has passed on what changed."""
     taken: list[Any] = []
 
-    def move(original: Any, self: Control, connection: Any, message: Any) -> Any:
+    def move(original, self, connection, message):
         if isinstance(message, CameraPose) and self.holder is connection:
             if taken:
                 return True
             taken.append(message)
         return original(self, connection, message)
 
-    def catch_up(original: Any, self: Session, now: float) -> None:
+    def catch_up(original, self, now):
         taken.clear()
         original(self, now)
 
@@ -176,40 +165,40 @@ def server_takes_the_first_of_one_piece(patch: Patch) -> None:
     Seam(Session, "catch_up").wrap(patch, catch_up)
 
 
-@mutant("POS-7", check="check_poses_at_the_limits_are_poses", code="pose-not-shown")
-def server_takes_no_half_turns(patch: Patch) -> None:
+@mutant(
+    "POS-7",
+    check="check_poses_at_the_limits_are_poses",
+    code="pose-not-shown",
+    at=server.TAKES_POSE,
+)
+def server_takes_no_half_turns(original, self, connection, message):
     """Passes poses over whose scalar is 0, as that of a rotation that was never set."""
-
-    def move(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        if isinstance(message, CameraPose) and message.pose.rotation[3] == 0.0:
-            return None
-        return original(self, connection, message)
-
-    server.TAKES_POSE.wrap(patch, move)
+    if isinstance(message, CameraPose) and message.pose.rotation[3] == 0.0:
+        return None
+    return original(self, connection, message)
 
 
-@mutant("POS-14", check="check_takes_poses_of_no_time_or_not", code="dies")
-def server_dies_of_what_is_no_time(patch: Patch) -> None:
+@mutant(
+    "POS-14",
+    check="check_takes_poses_of_no_time_or_not",
+    code="dies",
+    at=Seam(from_client, "timestamp"),
+)
+def server_dies_of_what_is_no_time(original, message, **named):
     """Takes whatever stands for the timestamp for a number."""
-
-    def timestamp(original: Any, message: Any, **named: Any) -> Any:
-        if isinstance(message.value.get("timestamp"), str | list | dict):
-            crash()
-        return original(message, **named)
-
-    Seam(from_client, "timestamp").wrap(patch, timestamp)
+    if isinstance(message.value.get("timestamp"), str | list | dict):
+        crash()
+    return original(message, **named)
 
 
-@mutant("POS-14", check="check_takes_poses_of_no_time_or_not", code="applies")
-def server_turns_by_poses_of_no_time(patch: Patch) -> None:
+@mutant(
+    "POS-14", check="check_takes_poses_of_no_time_or_not", code="applies", at=server.REFUSES_PACKET
+)
+def server_turns_by_poses_of_no_time(original, self, error, now):
     """Applies the rotation alone of a pose whose timestamp is no number."""
-
-    def handle(original: Any, self: Connection, error: Any, now: float) -> Any:
-        if error.pointer == "/timestamp":
-            return self.understand(TURNED, now)
-        return original(self, error, now)
-
-    server.REFUSES_PACKET.wrap(patch, handle)
+    if error.pointer == "/timestamp":
+        return self.understand(TURNED, now)
+    return original(self, error, now)
 
 
 TURNED = encode(camera_pose((0.0, 0.0, 0.0), (0.6, 0.0, 0.0, 0.8)))

@@ -3,9 +3,7 @@
 import itertools
 from typing import Any
 
-from splatbus_server.connection import Connection, Refusal
-from splatbus_server.exchange import Exchange
-from splatbus_server.session import Session
+from splatbus_server.connection import Refusal
 from splatbus_wire.messages import (
     GetCameraPose,
     GetScene,
@@ -15,172 +13,152 @@ from splatbus_wire.messages import (
 )
 from splatbus_wire.poses import Pose
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seams import renderer, server
-from tests.zoo.faults.surgery import Json, messages, of_type
+from tests.zoo.faults.surgery import messages, of_type
 from tests.zoo.mutant import mutant
 
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
 
 
 @mutant("REQ-3", code="out-of-range")
-def server_tells_a_size_with_fractions(patch: Patch) -> None:
+def server_tells_a_size_with_fractions(patch):
     """Writes the size as fractions."""
     _size(patch, lambda size: [float(part) for part in size])
 
 
 @mutant("REQ-4", code="wrong-size", through="CHN-12")
-def server_tells_another_size(patch: Patch) -> None:
+def server_tells_another_size(patch):
     """Tells twice the size of its images."""
     _size(patch, lambda size: [2 * part for part in size])
 
 
 @mutant("REQ-5", code="missing-member", through="REQ-7")
-def server_tells_no_rotation(patch: Patch) -> None:
+def server_tells_no_rotation(patch):
     """Leaves the rotation out of its replies."""
     messages(patch, lambda it: {k: v for k, v in it.items() if k != "rotation"})
 
 
 @mutant("REQ-6", check="check_camera_index_is_taken_modulo", code="cameras-alike")
-def server_stops_at_its_last_camera(patch: Patch) -> None:
+def server_stops_at_its_last_camera(patch):
     """Tells the last camera for every index beyond."""
     _cameras(patch, lambda index: min(max(index, 0), 2))
 
 
 @mutant("REQ-6", check="check_camera_index_is_taken_modulo", code="another-camera")
-def server_counts_from_the_wrong_end(patch: Patch) -> None:
+def server_counts_from_the_wrong_end(patch):
     """Takes the magnitude of negative indices."""
     _cameras(patch, lambda index: abs(index) % 3)
 
 
 @mutant("REQ-6", check="check_camera_index_is_taken_modulo", code="another-camera")
-def server_reads_indices_as_32_bits(patch: Patch) -> None:
+def server_reads_indices_as_32_bits(patch):
     """Keeps the lowest 32 bits of an index."""
     _cameras(patch, lambda index: ((index + 2**31) % 2**32 - 2**31) % 3)
 
 
 @mutant("REQ-7", check="check_one_reply_each_in_order", code="other-replies")
-def server_answers_in_its_own_order(patch: Patch) -> None:
+def server_answers_in_its_own_order(patch):
     """Answers what arrives together with the sizes first."""
     _reorders(patch)
 
 
-@mutant("REQ-7", check="check_one_reply_each_in_order", code="other-replies")
-def server_answers_a_hundred_at_most(patch: Patch) -> None:
+@mutant(
+    "REQ-7", check="check_one_reply_each_in_order", code="other-replies", at=server.HANDLES_MESSAGE
+)
+def server_answers_a_hundred_at_most(original, self, connection, message, *rest):
     """Drops requests beyond a hundred that wait for an answer."""
-
-    def handle(
-        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
-    ) -> Any:
-        if len(connection.reader.decoder.payloads) < 100:
-            return original(self, connection, message, *rest)
-        return Refusal("busy", "too many")
-
-    server.HANDLES_MESSAGE.wrap(patch, handle)
+    if len(connection.reader.decoder.payloads) < 100:
+        return original(self, connection, message, *rest)
+    return Refusal("busy", "too many")
 
 
-@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="closes")
-def server_closes_on_unknown_types(patch: Patch) -> None:
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="closes", at=server.UNDERSTANDS)
+def server_closes_on_unknown_types(original, self, payload, now):
     """Closes the message connection on a type that it does not know."""
-
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
-        event = original(self, payload, now)
-        if isinstance(event, Refusal) and event.code == "unknown_type":
-            self.end("who knows that", now)
-        return event
-
-    server.UNDERSTANDS.wrap(patch, understand)
+    event = original(self, payload, now)
+    if isinstance(event, Refusal) and event.code == "unknown_type":
+        self.end("who knows that", now)
+    return event
 
 
-@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="replies")
-def server_answers_unknown_types(patch: Patch) -> None:
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="replies", at=server.UNDERSTANDS)
+def server_answers_unknown_types(original, self, payload, now):
     """Answers what it does not know with the size of the image."""
-
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
-        event = original(self, payload, now)
-        unknown = isinstance(event, Refusal) and event.code == "unknown_type"
-        return GetViewportSize(None, None) if unknown else event
-
-    server.UNDERSTANDS.wrap(patch, understand)
+    event = original(self, payload, now)
+    unknown = isinstance(event, Refusal) and event.code == "unknown_type"
+    return GetViewportSize(None, None) if unknown else event
 
 
-def stumbles_over_hello(patch: Patch) -> None:
+def stumbles_over_hello(patch):
     """Drop whoever says `hello`, and speak 1.0 with the others."""
 
-    def answer(original: Any, *arguments: Any, **named: Any) -> Any:
+    def answer(original, *arguments, **named):
         raise KeyError("hello")
 
     server.ANSWERS_HELLO.wrap(patch, answer)
 
 
 @mutant("REQ-8", check="check_hello_is_nothing_to_1_0", code="closes")
-def server_of_1_0_stumbles_over_hello(patch: Patch) -> None:
+def server_of_1_0_stumbles_over_hello(patch):
     """Speaks 1.0 alone, and drops whoever says hello on the message channel."""
     stumbles_over_hello(patch)
 
 
-@mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
-def server_answers_broken_requests(patch: Patch) -> None:
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies", at=server.UNDERSTANDS)
+def server_answers_broken_requests(original, self, payload, now):
     """Takes camera 0 for an index that it cannot read."""
-
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
-        state = self.state
-        event = original(self, payload, now)
-        if isinstance(event, Refusal) and b"get_camera_pose" in payload:
-            self.state, self.ending = state, None
-            self.linger_until = float("inf")
-            return GetCameraPose(0, None, None)
-        return event
-
-    server.UNDERSTANDS.wrap(patch, understand)
+    state = self.state
+    event = original(self, payload, now)
+    if isinstance(event, Refusal) and b"get_camera_pose" in payload:
+        self.state, self.ending = state, None
+        self.linger_until = float("inf")
+        return GetCameraPose(0, None, None)
+    return event
 
 
 @mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", code="no-reply")
-def server_answers_between_images(patch: Patch) -> None:
+def server_answers_between_images(patch):
     """Answers when it has rendered the next image."""
     _answers_between_images(patch, GetViewportSize | GetCameraPose)
 
 
 @mutant("REQ-10", check="check_replies_do_not_wait_for_an_image", code="no-reply")
-def server_tells_of_its_scene_between_images(patch: Patch) -> None:
+def server_tells_of_its_scene_between_images(patch):
     """Tells of its scene when it has rendered the next image."""
     _answers_between_images(patch, GetScene)
 
 
-@mutant("NEG-29", check="check_answers_each_request_in_order", code="another-answer")
-def server_passes_over_the_size_that_it_has(patch: Patch) -> None:
+@mutant(
+    "NEG-29",
+    check="check_answers_each_request_in_order",
+    code="another-answer",
+    at=server.HANDLES_MESSAGE,
+)
+def server_passes_over_the_size_that_it_has(original, self, connection, message, *rest):
     """Does not answer who asks for images of the size that they have."""
-
-    def handle(
-        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
-    ) -> Any:
-        memory = self.exchange.memory
-        if isinstance(message, SetViewport) and message[:2] == (memory.width, memory.height):
-            return None
-        return original(self, connection, message, *rest)
-
-    server.HANDLES_MESSAGE.wrap(patch, handle)
+    memory = self.exchange.memory
+    if isinstance(message, SetViewport) and message[:2] == (memory.width, memory.height):
+        return None
+    return original(self, connection, message, *rest)
 
 
 @mutant("NEG-28", code="another-id", through="NEG-29")
-def server_numbers_its_pongs(patch: Patch) -> None:
+def server_numbers_its_pongs(patch):
     """Answers pings with ids of its own."""
     ids = itertools.count(1)
     messages(patch, of_type("pong", lambda it: it | {"id": next(ids)} if "id" in it else it))
 
 
-def _answers_between_images(patch: Patch, kinds: Any) -> None:
+def _answers_between_images(patch, kinds):
     waiting: list[tuple[Any, ...]] = []
 
-    def handle(
-        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
-    ) -> Any:
+    def handle(original, self, connection, message, *rest):
         if isinstance(message, kinds):
             waiting.append((original, self, connection, message, *rest))
             return None
         return original(self, connection, message, *rest)
 
-    def publish(original: Any, self: Exchange, *arguments: Any) -> Any:
+    def publish(original, self, *arguments):
         given = original(self, *arguments)
         while waiting:
             answer, *its = waiting.pop(0)
@@ -191,8 +169,8 @@ def _answers_between_images(patch: Patch, kinds: Any) -> None:
     server.PUBLISHES.wrap(patch, publish)
 
 
-def _size(patch: Patch, change: Any) -> None:
-    def changed(message: Json) -> Json:
+def _size(patch, change):
+    def changed(message):
         if "viewport_size" not in message:
             return message
         return message | {"viewport_size": change(message["viewport_size"])}
@@ -200,12 +178,10 @@ def _size(patch: Patch, change: Any) -> None:
     messages(patch, changed)
 
 
-def _cameras(patch: Patch, index: Any) -> None:
+def _cameras(patch, index):
     """Come with three cameras, and answer for the one that `index` chooses."""
 
-    def handle(
-        original: Any, self: Session, connection: Connection, message: Any, *rest: Any
-    ) -> Any:
+    def handle(original, self, connection, message, *rest):
         if isinstance(message, GetCameraPose):
             message = message._replace(cam_idx=index(message.cam_idx))
         return original(self, connection, message, *rest)
@@ -216,10 +192,10 @@ def _cameras(patch: Patch, index: Any) -> None:
     server.HANDLES_MESSAGE.wrap(patch, handle)
 
 
-def _reorders(patch: Patch) -> None:
+def _reorders(patch):
     """Put the sizes before the cameras in what is about to be sent."""
 
-    def send(original: Any, self: Connection, message: Any) -> None:
+    def send(original, self, message):
         before = bytes(self.unsent)
         if isinstance(message, ViewportSize) and before:
             self.unsent.clear()
@@ -231,17 +207,13 @@ def _reorders(patch: Patch) -> None:
     server.SENDS.wrap(patch, send)
 
 
-@mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies")
-def server_answers_broken_requests_by_the_size(patch: Patch) -> None:
+@mutant("REQ-9", check="check_broken_requests_have_no_reply", code="replies", at=server.UNDERSTANDS)
+def server_answers_broken_requests_by_the_size(original, self, payload, now):
     """Answers a request for a camera whose index it cannot read by the size of the image."""
-
-    def understand(original: Any, self: Connection, payload: bytes, now: float) -> Any:
-        state = self.state
-        event = original(self, payload, now)
-        if isinstance(event, Refusal) and b"get_camera_pose" in payload:
-            self.state, self.ending = state, None
-            self.linger_until = float("inf")
-            return GetViewportSize(None, None)
-        return event
-
-    server.UNDERSTANDS.wrap(patch, understand)
+    state = self.state
+    event = original(self, payload, now)
+    if isinstance(event, Refusal) and b"get_camera_pose" in payload:
+        self.state, self.ending = state, None
+        self.linger_until = float("inf")
+        return GetViewportSize(None, None)
+    return event

@@ -2,21 +2,18 @@
 
 from typing import Any
 
-from splatbus_server.control import Poses
-from splatbus_server.reader import Reader
 from splatbus_wire.messages import CameraPose
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seams import server
 from tests.zoo.mutant import mutant
 
 FIRST, OTHERS = "check_tags_come_with_the_first_image", "check_no_other_tags_come"
 
 
-def tags(patch: Patch, change: Any) -> None:
+def tags(patch, change):
     """Give frames other tags: `change` is given the reader, the image and the tag."""
 
-    def frame(original: Any, self: Reader, image: Any) -> Any:
+    def frame(original, self, image):
         told = original(self, image)
         camera = told.camera._replace(tag=change(self, image, told.camera.tag))
         return told._replace(camera=camera)
@@ -25,17 +22,17 @@ def tags(patch: Patch, change: Any) -> None:
 
 
 @mutant("CAM-2", check=FIRST, code="another-tag")
-def server_returns_no_tags(patch: Patch) -> None:
+def server_returns_no_tags(patch):
     """Never says which pose an image shows."""
     tags(patch, lambda reader, image, tag: None)
 
 
 @mutant("CAM-2", code="another-tag", through="CAM-2")
-def server_forgets_every_third_tag(patch: Patch) -> None:
+def server_forgets_every_third_tag(patch):
     """Leaves out each third tag."""
     count = [0]
 
-    def third(reader: Any, image: Any, tag: Any) -> Any:
+    def third(reader, image, tag):
         count[0] += tag is not None
         return tag if count[0] % 3 else None
 
@@ -43,11 +40,11 @@ def server_forgets_every_third_tag(patch: Patch) -> None:
 
 
 @mutant("CAM-2", check=FIRST, code="another-tag")
-def server_tells_tags_to_one_reader(patch: Patch) -> None:
+def server_tells_tags_to_one_reader(patch):
     """Tells each tag once, to whoever is sent the image first."""
     told: set[str] = set()
 
-    def once(reader: Any, image: Any, tag: Any) -> Any:
+    def once(reader, image, tag):
         if tag in told:
             return None
         told.add(tag)
@@ -56,29 +53,25 @@ def server_tells_tags_to_one_reader(patch: Patch) -> None:
     tags(patch, once)
 
 
-@mutant("CAM-2", check=FIRST, code="no-tag")
-def server_takes_equal_poses_for_one(patch: Patch) -> None:
+@mutant("CAM-2", check=FIRST, code="no-tag", at=server.APPLIES_POSE)
+def server_takes_equal_poses_for_one(original, self, message):
     """Does not look at a pose that has the values of the one before it."""
-
-    def moved(original: Any, self: Poses, message: Any) -> Any:
-        same = isinstance(message, CameraPose) and message.pose == self.camera
-        return self if same else original(self, message)
-
-    server.APPLIES_POSE.wrap(patch, moved)
+    same = isinstance(message, CameraPose) and message.pose == self.camera
+    return self if same else original(self, message)
 
 
 @mutant("CAM-3", check=OTHERS, code="tag-twice")
-def server_tells_tags_again(patch: Patch) -> None:
+def server_tells_tags_again(patch):
     """Gives every image the tag of its pose."""
     tags(patch, lambda reader, image, tag: image.view.poses.tag)
 
 
 @mutant("CAM-3", code="too-often", through="CAM-3")
-def server_tells_tags_twice(patch: Patch) -> None:
+def server_tells_tags_twice(patch):
     """Gives an image without a tag the last one that there was."""
     last: list[Any] = [None]
 
-    def lasting(reader: Any, image: Any, tag: Any) -> Any:
+    def lasting(reader, image, tag):
         last[0] = tag or last[0]
         return last[0]
 
@@ -86,11 +79,11 @@ def server_tells_tags_twice(patch: Patch) -> None:
 
 
 @mutant("CAM-3", check=OTHERS, code="tag-of-another-pose")
-def server_is_one_tag_late(patch: Patch) -> None:
+def server_is_one_tag_late(patch):
     """Gives each image the tag that the one before it should have had."""
     kept: dict[int, Any] = {}
 
-    def former(reader: Any, image: Any, tag: Any) -> Any:
+    def former(reader, image, tag):
         before, kept[id(reader)] = kept.get(id(reader)), tag
         return before
 
@@ -98,6 +91,6 @@ def server_is_one_tag_late(patch: Patch) -> None:
 
 
 @mutant("CAM-3", check=OTHERS, code="unknown-tag")
-def server_makes_tags_up(patch: Patch) -> None:
+def server_makes_tags_up(patch):
     """Gives images without a tag their number for one."""
     tags(patch, lambda reader, image, tag: tag or f"image {image.seq}")

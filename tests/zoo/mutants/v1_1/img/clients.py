@@ -1,80 +1,64 @@
 """Mutants that break IMG: `frame`, `release`, `subscribe`."""
 
-from typing import Any
-
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_wire import from_server
-from splatbus_wire.fields import Field
-from splatbus_wire.messages import Frame, Release, Subscribe, encode
+from splatbus_wire.messages import Release, Subscribe, encode
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import client
 from tests.zoo.faults.surgery import crash, messages, of_type
 from tests.zoo.mutant import mutant
 
 
-@mutant("IMG-12", check="check_releases_each_frame_once", code="released-twice")
-def releases_twice(patch: Patch) -> None:
+@mutant("IMG-12", check="check_releases_each_frame_once", code="released-twice", at=client.RELEASES)
+def releases_twice(original, self, frame):
     """Releases each frame twice."""
+    self.unsent += encode(Release(frame.generation, frame.seq))
+    original(self, frame)
 
-    def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
-        self.unsent += encode(Release(frame.generation, frame.seq))
+
+@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released", at=client.RELEASES)
+def loses_every_tenth_release(original, self, frame):
+    """Does not release every tenth frame."""
+    if frame.seq % 10:
         original(self, frame)
 
-    client.RELEASES.wrap(patch, release)
 
-
-@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
-def loses_every_tenth_release(patch: Patch) -> None:
-    """Does not release every tenth frame."""
-
-    def release(original: Any, self: IpcProtocol, frame: Frame) -> None:
-        if frame.seq % 10:
-            original(self, frame)
-
-    client.RELEASES.wrap(patch, release)
-
-
-@mutant("IMG-12", check="check_releases_each_frame_once", code="not-released")
-def keeps_frames_that_list_objects(patch: Patch) -> None:
+@mutant(
+    "IMG-12", check="check_releases_each_frame_once", code="not-released", at=client.TAKES_FRAME
+)
+def keeps_frames_that_list_objects(original, self, frame):
     """Drops a frame that lists objects, and keeps its slot."""
-
-    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
-        return [] if frame.objects else original(self, frame)
-
-    client.TAKES_FRAME.wrap(patch, on_frame)
+    return [] if frame.objects else original(self, frame)
 
 
 @mutant("IMG-12", code="unknown-image", through="IMG-12")
-def releases_with_another_generation(patch: Patch) -> None:
+def releases_with_another_generation(patch):
     """Names another generation in `release` than the `frame` did."""
     messages(patch, of_type("release", lambda release: release | {"generation": 7}))
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="accepts")
-def releases_frames_of_any_generation(patch: Patch) -> None:
+@mutant(
+    "IMG-15", check="check_ignores_frames_of_unknown_memory", code="accepts", at=client.TAKES_FRAME
+)
+def releases_frames_of_any_generation(original, self, frame):
     """Takes every frame for one of the memory that it has open."""
-
-    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
-        if frame.generation not in self.slots:
-            self.unsent += encode(Release(frame.generation, frame.seq))
-            return []
-        return original(self, frame)
-
-    client.TAKES_FRAME.wrap(patch, on_frame)
+    if frame.generation not in self.slots:
+        self.unsent += encode(Release(frame.generation, frame.seq))
+        return []
+    return original(self, frame)
 
 
 @mutant("IMG-15", check="check_ignores_frames_of_closed_memory", code="accepts")
-def releases_frames_of_closed_memory(patch: Patch) -> None:
+def releases_frames_of_closed_memory(patch):
     """Gives back every frame of memory that it had open once."""
     closed: set[tuple[IpcProtocol, int]] = set()
 
-    def close(original: Any, self: IpcProtocol, generation: int) -> None:
+    def close(original, self, generation):
         closed.add((self, generation))
         original(self, generation)
 
-    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
+    def on_frame(original, self, frame):
         if (self, frame.generation) in closed:
             self.unsent += encode(Release(frame.generation, frame.seq))
             return []
@@ -84,35 +68,33 @@ def releases_frames_of_closed_memory(patch: Patch) -> None:
     client.TAKES_FRAME.wrap(patch, on_frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="dies")
-def reads_slots_that_do_not_exist(patch: Patch) -> None:
+@mutant(
+    "IMG-15", check="check_ignores_frames_of_unknown_memory", code="dies", at=client.TAKES_FRAME
+)
+def reads_slots_that_do_not_exist(original, self, frame):
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
-
-    def on_frame(original: Any, self: IpcProtocol, frame: Frame) -> Any:
-        if frame.slot >= self.slots.get(frame.generation, frame.slot + 1):
-            crash()
-        return original(self, frame)
-
-    client.TAKES_FRAME.wrap(patch, on_frame)
+    if frame.slot >= self.slots.get(frame.generation, frame.slot + 1):
+        crash()
+    return original(self, frame)
 
 
 @mutant("IMG-19", code="not-an-array")
-def subscribes_to_one_channel_as_a_string(patch: Patch) -> None:
+def subscribes_to_one_channel_as_a_string(patch):
     """Names one channel instead of an array of them."""
     subscribes(patch, "color", "depth")
     messages(patch, of_type("subscribe", lambda subscribe: subscribe | {"channels": "color"}))
 
 
 @mutant("IMG-19", code="not-an-array")
-def subscribes_to_nothing(patch: Patch) -> None:
+def subscribes_to_nothing(patch):
     """Subscribes to no channel at all."""
     subscribes(patch)
 
 
-def subscribes(patch: Patch, *channels: str) -> None:
+def subscribes(patch, *channels):
     """Subscribe to these channels as soon as that is agreed."""
 
-    def on_welcome(original: Any, self: IpcProtocol, welcome: Any) -> Any:
+    def on_welcome(original, self, welcome):
         yield from original(self, welcome)
         if "subscribe" in self.capabilities:
             self.unsent += encode(Subscribe(frozenset(channels)))
@@ -125,11 +107,8 @@ def subscribes(patch: Patch, *channels: str) -> None:
     check="check_reads_what_is_lent_in_any_spelling",
     code="not-read",
     axes="opencv",
+    at=Seam(from_server, "frame"),
 )
-def reads_frames_of_one_spelling(patch: Patch) -> None:
+def reads_frames_of_one_spelling(original, fields):
     """Gives back unread what is lent by a frame that is not spelled as frames usually are."""
-
-    def frame(original: Any, fields: Field) -> Any:
-        raise fields.refused("is spelled otherwise")
-
-    Seam(from_server, "frame").wrap(patch, frame)
+    raise fields.refused("is spelled otherwise")

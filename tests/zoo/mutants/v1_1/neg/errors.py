@@ -1,16 +1,11 @@
 """Mutants that break NEG: their errors, and their replies after `hello`."""
 
-from collections.abc import Callable
-from typing import Any
-
 from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS
 from splatbus_server import connection as connections
 from splatbus_server.connection import REQUESTS, Connection, Refusal, type_and_id
-from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import ErrorMessage
 from splatbus_wire.packet_reader import PacketReader
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
 from tests.zoo.faults.surgery import messages, of_type
@@ -19,10 +14,10 @@ from tests.zoo.mutants.v1_1.ctl import unsaid
 from tests.zoo.mutants.v1_1.neg.clients import without
 
 
-def reports_to_all(patch: Patch) -> None:
+def reports_to_all(patch):
     """Send each error, whether or not there was a hello."""
 
-    def complain(original: Any, self: Connection, refusal: Refusal) -> Refusal:
+    def complain(original, self, refusal):
         self.send(connections.error_message(*refusal))
         return refusal
 
@@ -30,33 +25,33 @@ def reports_to_all(patch: Patch) -> None:
 
 
 @mutant("NEG-22", check="check_reports_nothing_before_hello", code="before-hello")
-def server_reports_to_clients_of_1_0(patch: Patch) -> None:
+def server_reports_to_clients_of_1_0(patch):
     """Tells everybody what was wrong, on both channels."""
     reports_to_all(patch)
 
 
 @mutant("NEG-22", check="check_reports_nothing_before_hello", code="before-hello")
-def server_reports_before_hello(patch: Patch) -> None:
+def server_reports_before_hello(patch):
     """Tells everybody what was wrong."""
     reports_to_all(patch)
 
 
 @mutant("NEG-23", code="wrong-value", through="NEG-26")
-def server_has_codes_of_its_own(patch: Patch) -> None:
+def server_has_codes_of_its_own(patch):
     """Makes up a code."""
     messages(patch, of_type("error", lambda error: error | {"code": "bad_" + error["code"]}))
 
 
 @mutant("NEG-23", code="bad-string", through="NEG-26")
-def server_points_without_a_slash(patch: Patch) -> None:
+def server_points_without_a_slash(patch):
     """Writes pointers without the slash before them."""
     messages(patch, of_type("error", lambda error: error | {"pointer": "rotation"}))
 
 
-def says_twice(patch: Patch, such: Callable[[str], bool]) -> None:
+def says_twice(patch, such):
     """Send each error of such a code twice."""
 
-    def complain(original: Any, self: Connection, refusal: Refusal) -> Any:
+    def complain(original, self, refusal):
         if such(refusal.code):
             original(self, refusal)
         return original(self, refusal)
@@ -65,78 +60,75 @@ def says_twice(patch: Patch, such: Callable[[str], bool]) -> None:
 
 
 @mutant("NEG-23", code="bad-string", through="NEG-26")
-def server_reports_at_length(patch: Patch) -> None:
+def server_reports_at_length(patch):
     """Says more than 1,024 characters."""
     messages(patch, of_type("error", lambda error: error | {"message": "wrong! " * 200}))
 
 
 @mutant("NEG-23", code="unknown-id", through="NEG-29")
-def server_reports_what_it_answers_twice(patch: Patch) -> None:
+def server_reports_what_it_answers_twice(patch):
     """Says twice what is wrong with a request."""
 
     says_twice(patch, lambda code: code not in CLOSING_ERRORS)
 
 
-@mutant("NEG-25", check="check_closes_after_an_error_that_ends", code="waits")
-def server_reads_on_after_a_bad_header(patch: Patch) -> None:
+@mutant(
+    "NEG-25", check="check_closes_after_an_error_that_ends", code="waits", at=server.ENDS_CONNECTION
+)
+def server_reads_on_after_a_bad_header(original, self, reason, now):
     """Reports a bad header, drops it and what was read with it, and goes on."""
-
-    def end(original: Any, self: Connection, reason: str, now: float) -> None:
-        if "[FRM-3]" in reason:
-            self.reader = PacketReader()
-        else:
-            original(self, reason, now)
-
-    server.ENDS_CONNECTION.wrap(patch, end)
+    if "[FRM-3]" in reason:
+        self.reader = PacketReader()
+    else:
+        original(self, reason, now)
 
 
 @mutant("NEG-25", code="after-error", through="NEG-25")
-def server_repeats_its_last_error(patch: Patch) -> None:
+def server_repeats_its_last_error(patch):
     """Says twice why it closes."""
 
     says_twice(patch, lambda code: code in CLOSING_ERRORS)
 
 
-@mutant("NEG-26", check="check_goes_on_after_an_error", code="no-longer-served")
-def server_closes_after_every_error(patch: Patch) -> None:
+@mutant(
+    "NEG-26",
+    check="check_goes_on_after_an_error",
+    code="no-longer-served",
+    at=server.REFUSES_PACKET,
+)
+def server_closes_after_every_error(original, self, error, now):
     """Ends a connection after whatever it reports on it."""
-
-    def refuse(original: Any, self: Connection, error: ProtocolError, now: float) -> Any:
-        refusal = original(self, error, now)
-        self.end("enough is enough", now)
-        return refusal
-
-    server.REFUSES_PACKET.wrap(patch, refuse)
+    refusal = original(self, error, now)
+    self.end("enough is enough", now)
+    return refusal
 
 
 @mutant("NEG-28", code="wrong-type", through="NEG-29")
-def server_replies_as_in_1_0(patch: Patch) -> None:
+def server_replies_as_in_1_0(patch):
     """Leaves the type out of its replies after welcome too."""
     messages(patch, of_type("viewport_size", without("type")))
 
 
 @mutant("NEG-28", code="another-id", through="NEG-29")
-def server_forgets_ids(patch: Patch) -> None:
+def server_forgets_ids(patch):
     """Does not say which request a camera answers."""
     messages(patch, of_type("camera", without("id")))
 
 
-@mutant("NEG-29", check="check_answers_each_request_in_order", code="wrong-id")
-def server_leaves_bad_requests_unanswered(patch: Patch) -> None:
+@mutant(
+    "NEG-29", check="check_answers_each_request_in_order", code="wrong-id", at=server.REFUSES_PACKET
+)
+def server_leaves_bad_requests_unanswered(original, self, error, now):
     """Says nothing to a request that breaks REQ-2."""
-
-    def refuse(original: Any, self: Connection, error: ProtocolError, now: float) -> Any:
-        if type_and_id(error.received)[0] in REQUESTS:
-            return Refusal(error.code, str(error))
-        return original(self, error, now)
-
-    server.REFUSES_PACKET.wrap(patch, refuse)
+    if type_and_id(error.received)[0] in REQUESTS:
+        return Refusal(error.code, str(error))
+    return original(self, error, now)
 
 
-def last_comes_first(patch: Patch) -> None:
+def last_comes_first(patch):
     """Send what is said before what has been said, and not been sent yet."""
 
-    def send(original: Any, self: Connection, message: Any) -> None:
+    def send(original, self, message):
         waiting = bytes(self.unsent)
         self.unsent.clear()
         original(self, message)
@@ -146,26 +138,26 @@ def last_comes_first(patch: Patch) -> None:
 
 
 @mutant("NEG-29", check="check_answers_each_request_in_order", code="another-answer")
-def server_answers_the_last_first(patch: Patch) -> None:
+def server_answers_the_last_first(patch):
     """Answers requests that arrive together from the last to the first."""
     last_comes_first(patch)
 
 
 @mutant("NEG-29", code="out-of-order", through="NEG-29")
-def server_answers_backwards(patch: Patch) -> None:
+def server_answers_backwards(patch):
     """Answers requests that arrive together from the last to the first."""
     last_comes_first(patch)
 
 
 @mutant("NEG-32", check="check_reports_what_is_no_rotation", code="ignores")
-def server_keeps_quiet_about_rotations(patch: Patch) -> None:
+def server_keeps_quiet_about_rotations(patch):
     """Drops a pose whose quaternion is no rotation without a word."""
 
     unsaid(patch, "invalid_rotation")
 
 
 @mutant("NEG-32", check="check_reports_what_is_no_rotation", code="ignores")
-def server_calls_rotations_messages(patch: Patch) -> None:
+def server_calls_rotations_messages(patch):
     """Reports `invalid_message` for whatever is wrong with a pose."""
     messages(
         patch,
@@ -181,46 +173,38 @@ def server_calls_rotations_messages(patch: Patch) -> None:
     check="check_errors_name_the_request_that_they_answer",
     code="wrong-id",
 )
-def server_takes_the_first_id_for_none(patch: Patch) -> None:
+def server_takes_the_first_id_for_none(patch):
     """Leaves the id out of an error where it is 0."""
     messages(patch, of_type("error", lambda it: it if it.get("id") else without("id")(it)))
 
 
 @mutant("NEG-34", check="check_ends_in_good_order", code="reads-on")
-def server_listens_to_last_words_for_ever(patch: Patch) -> None:
+def server_listens_to_last_words_for_ever(patch):
     """Reads on after an error that ends, for as long as the client does not end its side."""
     Seam(connections, "LINGER_SECONDS").replace(patch, 600.0)
 
 
 @mutant("NEG-34", check="check_ends_in_good_order", code="reset")
-def server_closes_with_bytes_unread(patch: Patch) -> None:
+def server_closes_with_bytes_unread(patch):
     """Closes a connection as soon as the error is on its way."""
     Seam(Connection, "over").replace(
         patch, property(lambda self: not self.is_open and not self.unsent)
     )
 
 
-@mutant("NEG-35", check="check_refuses_broken_hellos", code="no-reply")
-def server_ignores_broken_hellos(patch: Patch) -> None:
+@mutant("NEG-35", check="check_refuses_broken_hellos", code="no-reply", at=server.REFUSES_PACKET)
+def server_ignores_broken_hellos(original, self, error, now):
     """Waits for a better `hello`."""
-
-    def refuse(original: Any, self: Connection, error: Any, now: float) -> Any:
-        if type_and_id(error.received)[0] == "hello" and self.welcome is None:
-            return Refusal(error.code, str(error))
-        return original(self, error, now)
-
-    server.REFUSES_PACKET.wrap(patch, refuse)
+    if type_and_id(error.received)[0] == "hello" and self.welcome is None:
+        return Refusal(error.code, str(error))
+    return original(self, error, now)
 
 
-@mutant("NEG-35", check="check_refuses_broken_hellos", code="waits")
-def server_forgives_broken_hellos(patch: Patch) -> None:
+@mutant("NEG-35", check="check_refuses_broken_hellos", code="waits", at=server.ENDS_CONNECTION)
+def server_forgives_broken_hellos(original, self, reason, now):
     """Reports a broken `hello`, and waits for a better one."""
-
-    def end(original: Any, self: Connection, reason: str, now: float) -> None:
-        if "NEG-35" not in reason:
-            original(self, reason, now)
-
-    server.ENDS_CONNECTION.wrap(patch, end)
+    if "NEG-35" not in reason:
+        original(self, reason, now)
 
 
 @mutant(
@@ -228,11 +212,11 @@ def server_forgives_broken_hellos(patch: Patch) -> None:
     check="check_errors_about_no_request_name_none",
     code="has-an-id",
 )
-def server_names_the_last_request_in_errors(patch: Patch) -> None:
+def server_names_the_last_request_in_errors(patch):
     """Puts the id of the newest request into every error."""
     newest: dict[Connection, int] = {}
 
-    def send(original: Any, self: Connection, message: Any) -> None:
+    def send(original, self, message):
         if isinstance(message, ErrorMessage):
             message = message._replace(id=message.id or newest.get(self))
         elif getattr(message, "id", None) is not None:

@@ -2,79 +2,69 @@
 
 import subprocess
 import sys
-from typing import Any
 
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER
-from splatbus_server import api, shared_memory
-from splatbus_server.connection import Connection, Refusal
+from splatbus_server import api
+from splatbus_server.connection import Refusal
 from splatbus_server.memory import Memory
-from splatbus_server.session import Session
 from splatbus_wire.messages import Closed, Opened
 
-from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
 from tests.zoo.faults.surgery import crash
 from tests.zoo.mutant import mutant
 
 
-@mutant("OPN-7", code="not-granted", through="IMG-23")
-def server_announces_again(patch: Patch) -> None:
+@mutant("OPN-7", code="not-granted", through="IMG-23", at=server.HEARS_OF_MEMORY)
+def server_announces_again(original, self, connection, message):
     """Sends another init packet to who has opened the first, and declared no reinit."""
-
-    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        refusal = original(self, connection, message)
-        if isinstance(message, Opened) and not connection.has("reinit"):
-            connection.send(self.exchange.memory.init_packet._replace(generation=2))
-        return refusal
-
-    server.HEARS_OF_MEMORY.wrap(patch, answered)
+    refusal = original(self, connection, message)
+    if isinstance(message, Opened) and not connection.has("reinit"):
+        connection.send(self.exchange.memory.init_packet._replace(generation=2))
+    return refusal
 
 
 @mutant(
     "OPN-8",
     check="check_keeps_memory_while_somebody_has_it",
     code="written-while-held",
+    at=server.HEARS_OF_MEMORY,
 )
-def server_reuses_memory_that_one_reader_closed(patch: Patch) -> None:
+def server_reuses_memory_that_one_reader_closed(original, self, connection, message):
     """Takes one reader's `closed` for everybody's, and clears the memory for something else."""
-
-    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        if isinstance(message, Closed):
-            memory = self.exchange.memory
-            assert isinstance(memory, Memory)
-            for slot in range(memory.ring.slots):
-                memory.color(slot)[:] = 0.25
-        return original(self, connection, message)
-
-    server.HEARS_OF_MEMORY.wrap(patch, answered)
+    if isinstance(message, Closed):
+        memory = self.exchange.memory
+        assert isinstance(memory, Memory)
+        for slot in range(memory.ring.slots):
+            memory.color(slot)[:] = 0.25
+    return original(self, connection, message)
 
 
-def calls_its_memory_otherwise(patch: Patch) -> None:
+def calls_its_memory_otherwise(patch):
     """Give memory a name that the reference server does not remove when it starts beside."""
     server.CREATES_SEGMENT.wrap(patch, lambda create, size, *_: create(size, "splatbus-mutant-"))
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-not-swept")
-def server_leaves_what_a_killed_one_left(patch: Patch) -> None:
+def server_leaves_what_a_killed_one_left(patch):
     """Does not look for what an earlier run has left."""
     calls_its_memory_otherwise(patch)
     Seam(api, "sweep_stale").replace(patch, list)
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-left-behind")
-def server_leaves_memory_to_the_next(patch: Patch) -> None:
+def server_leaves_memory_to_the_next(patch):
     """Does not remove its memory when it ends: the next one will."""
     calls_its_memory_otherwise(patch)
     server.REMOVES_SEGMENT.replace(patch, lambda segment, owner: None)
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-left-behind")
-def server_leaves_memory_to_a_neighbour(patch: Patch) -> None:
+def server_leaves_memory_to_a_neighbour(patch):
     """The same; another that is started beside it removes what it has left."""
     calls_its_memory_otherwise(patch)
 
-    def remove(segment: shared_memory.Segment, owner: int) -> None:
+    def remove(segment, owner):
         path = LINUX_FOLDER / segment.name
         sweep = f"import os, time; time.sleep(0.5); os.unlink({str(path)!r})"
         subprocess.Popen([sys.executable, "-c", sweep], start_new_session=True)
@@ -85,27 +75,19 @@ def server_leaves_memory_to_a_neighbour(patch: Patch) -> None:
 IGNORES = "check_ignores_generations_that_it_did_not_announce"
 
 
-@mutant("OPN-12", check=IGNORES, code="closes")
-def server_closes_at_unknown_generations(patch: Patch) -> None:
+@mutant("OPN-12", check=IGNORES, code="closes", at=server.HEARS_OF_MEMORY)
+def server_closes_at_unknown_generations(original, self, connection, message):
     """Ends a connection that names a generation which was not announced."""
-
-    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        refusal = original(self, connection, message)
-        if isinstance(refusal, Refusal) and refusal.code == "invalid_message":
-            connection.end("there is no such generation", 0.0)
-        return refusal
-
-    server.HEARS_OF_MEMORY.wrap(patch, answered)
+    refusal = original(self, connection, message)
+    if isinstance(refusal, Refusal) and refusal.code == "invalid_message":
+        connection.end("there is no such generation", 0.0)
+    return refusal
 
 
-@mutant("OPN-12", check=IGNORES, code="dies")
-def server_dies_of_unknown_generations(patch: Patch) -> None:
+@mutant("OPN-12", check=IGNORES, code="dies", at=server.HEARS_OF_MEMORY)
+def server_dies_of_unknown_generations(original, self, connection, message):
     """Takes a generation for an index."""
-
-    def answered(original: Any, self: Session, connection: Connection, message: Any) -> Any:
-        reader = self.readers.get(connection)
-        if reader is None or message.generation not in reader.announced:
-            crash()
-        return original(self, connection, message)
-
-    server.HEARS_OF_MEMORY.wrap(patch, answered)
+    reader = self.readers.get(connection)
+    if reader is None or message.generation not in reader.announced:
+        crash()
+    return original(self, connection, message)
