@@ -269,7 +269,7 @@ def subscribes_on_the_ipc_channel_of_1_0(original, self, packet):
     self.unsent += encode(Subscribe(frozenset({"color"})))
 
 
-@mutant("NEG-27", code="out-of-range")
+@mutant("NEG-27", code="not-an-integer")
 def ids_as_strings(patch):
     """Writes the `id` of a request as a string."""
     messages(patch, lambda message: message | {"id": "a"} if "id" in message else message)
