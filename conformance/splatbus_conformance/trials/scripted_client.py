@@ -173,13 +173,13 @@ class ScriptedClient:
             return open_on_device(init_packet, self.device)
         return open_memory(init_packet)
 
-    def release(self, connection: Connection, frame: Json) -> None:
-        """Give a frame back."""
+    def release(self, connection: Connection, frame: Json, *more: Json) -> None:
+        """Give a frame back, and say more in the same write."""
         dealings = self.with_(connection)
         dealings.held = None if dealings.held == frame else dealings.held
         named = {name: frame.get(name) for name in ("generation", "seq")}
         if all(whole(value) is not None for value in named.values()):
-            self.say(connection, {"type": "release", **named})
+            self.say(connection, {"type": "release", **named}, *more)
 
     def say(self, connection: Connection, *messages: Json) -> None:
         """Send messages, in one write."""

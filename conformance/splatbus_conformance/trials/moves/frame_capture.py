@@ -98,9 +98,9 @@ class FrameCapture:
             self.trial.not_observable("the server has announced other memory")
         return copy
 
-    def give_back(self, photograph: CapturedFrame) -> None:
-        """Release an image that was held."""
-        self.trial.viewer.release(self.reader, photograph.frame)
+    def give_back(self, photograph: CapturedFrame, *more: Json) -> None:
+        """Release an image that was held, and say more in the same write."""
+        self.trial.viewer.release(self.reader, photograph.frame, *more)
 
     def new(self) -> list[CapturedFrame]:
         """Copies of the images that came since, which are given back."""

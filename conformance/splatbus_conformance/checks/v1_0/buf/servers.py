@@ -282,9 +282,8 @@ def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
             trial.rest(rendering)
         subscription = {"type": "subscribe", "channels": asked}
         trial.viewer.say(capture.reader, subscription)
-        capture.give_back(held)
-        if turn % len(TURNS) == ONE_TOO_LATE:
-            trial.viewer.say(capture.reader, {"type": "subscribe", "channels": ["depth"]})
+        too_late = {"type": "subscribe", "channels": ["depth"]}
+        capture.give_back(held, *[too_late] * (turn % len(TURNS) == ONE_TOO_LATE))
         held = capture.hold()
         if beside is not None:
             trial.viewer.say(beside.reader, subscription)
