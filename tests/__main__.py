@@ -72,17 +72,17 @@ READ = {
     "python3.10": (  # mypy's oldest
         *(*LACKING, "--python-version", "3.10", "--cache-dir", ".mypy_cache/3.10", *RENDERERS),
     ),
-}
-"""What reads the sources, on one core."""
-RUN = {
-    "tests": (*PYTHON, "pytest", "--quiet", "-p", "tests.dealer", "--deal", str(3 * CORES)),
-    "zoo": (*PYTHON, "tests.zoo"),
     "machine": (
         *(*PYTHON, "tests.zoo.machine", "--count", "20"),
         *("--again", "tests/data/machine_mutants.json"),
     ),
 }
-"""What runs them, on all that are left."""
+"""What reads the sources, on one core, and what waits more than it computes."""
+RUN = {
+    "tests": (*PYTHON, "pytest", "--quiet", "-p", "tests.dealer", "--deal", str(3 * CORES)),
+    "zoo": (*PYTHON, "tests.zoo"),
+}
+"""What runs them, on all cores that are left."""
 STEPS = READ | RUN
 
 
