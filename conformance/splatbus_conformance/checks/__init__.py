@@ -14,7 +14,6 @@ from typing import Any, NamedTuple, Protocol
 from hypothesis.strategies import SearchStrategy
 
 from splatbus_conformance.plan import Side
-from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.trial import NotObservable
 from splatbus_conformance.wire.recording import Channel
 
@@ -31,6 +30,8 @@ class End(NamedTuple):
     channel: Channel
 
 
+_SIDES: dict[str, Side] = {"ClientTrial": "client", "ServerTrial": "server"}
+"""Which side a check judges that names no ends, by what its trial is."""
 CLIENT_IPC, CLIENT_MSG = End("client", "ipc"), End("client", "msg")
 SERVER_IPC, SERVER_MSG = End("server", "ipc"), End("server", "msg")
 
@@ -189,8 +190,7 @@ def _sides(
     function: Callable[..., None], needs: Needs, on: Mapping[End, Needs] | None
 ) -> dict[Side, dict[Channel | None, Needs]]:
     if on is None:
-        side: Side = "client" if function.__annotations__["trial"] is ClientTrial else "server"
-        return {side: {None: needs}}
+        return {_SIDES[function.__annotations__["trial"].__name__]: {None: needs}}
     sides: dict[Side, dict[Channel | None, Needs]] = {}
     for end, needed in on.items():
         sides.setdefault(end.side, {})[end.channel] = needed
