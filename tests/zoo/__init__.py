@@ -1,1 +1,1 @@
-"""The harness judged: the reference client must pass, every mutant of it must die."""
+"""Programs that conform, and programs that do not, by which the harness is judged."""

@@ -39,6 +39,7 @@ long may not have had the other half.
 EVIDENCE_LINES = 12
 PRINTED_LINES = 3
 NOTHING_PROVEN = "nothing was delivered that the testee was seen to take"
+BROKEN = (Verdict.FAIL, Verdict.WARN)
 MAY_CRASH = "it may crash a testee that was not launched by the harness: --allow-crash"
 
 
@@ -140,6 +141,8 @@ class Checker:
         try:
             self._see_to(check, self.trial_now)
         except Exception as error:
+            if result.verdict in BROKEN:  # which is no less broken for what came of it
+                return result, False
             return replace(result, verdict=Verdict.ERROR, text=_of_ours(error)), False
         return result, again
 
@@ -222,7 +225,7 @@ class Checker:
 
     def _deed(self, check: Check) -> "CheckAftermath":
         script = self._script(check.requirement, check.name, by_rule=False)
-        failed = self._last_verdict in (Verdict.FAIL, Verdict.WARN)
+        failed = self._last_verdict in BROKEN
         return CheckAftermath(check.name, check, script, list(self.testbed.peer.entries), failed)
 
     def _note_alive(self, deed: "CheckAftermath") -> None:
