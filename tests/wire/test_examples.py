@@ -111,3 +111,4 @@ def test_invalid_examples_are_refused_where_and_why_the_example_says(name, versi
     with pytest.raises(ProtocolError) as caught:
         decode_example(name, example.message, said_hello=True)
     assert (caught.value.requirement, caught.value.pointer) == wanted_refusal(name, example)
+    assert len(str(caught.value)) < 200
