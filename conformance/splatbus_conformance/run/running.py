@@ -42,6 +42,8 @@ def run_checks(plan: Plan, progress: Progress, until: float = math.inf) -> Findi
     findings = Findings()
     checks = {it.name: it for it in selected(plan)}
     alone = not plan.starts_it or plan.ports != (0, 0) or len(checks) < FEWEST_CHECKS
+    if plan.parallel > 1 or not (plan.parallel or alone):
+        parallel.prepare()
     gathering = Collector(findings, progress, checks, parallel.durations(plan))
     if plan.record:
         Path(plan.record).mkdir(parents=True, exist_ok=True)
