@@ -14,6 +14,7 @@ from splatbus_conformance.checks.v1_1.img import clients_shown
 from splatbus_conformance.checks.v1_1.mem import device as device_opening
 from splatbus_conformance.plan import Plan
 
+from tests.conformance.harness import run
 from tests.conformance.images.cuda_stand_in.library import checks_in, findings_of
 from tests.gpu import require_gpu
 
@@ -76,3 +77,10 @@ def test_a_server_with_a_defect_is_failed(defect, check, why):
     assert found
     assert not found.startswith("skipped")
     assert why in found
+
+
+def test_several_are_judged_at_a_time():
+    """Each by a process of its own: the one that met the testee has the driver in it by then."""
+    launch = f'"{sys.executable}" -m splatbus_viewer view'
+    code, output = run("client", "--launch", launch, "--select", "FRM", "--parallel", "2")
+    assert code == 0, output
