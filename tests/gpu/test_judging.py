@@ -81,6 +81,7 @@ def test_a_server_with_a_defect_is_failed(defect, check, why):
 
 def test_several_are_judged_at_a_time():
     """Each by a process of its own: the one that met the testee has the driver in it by then."""
-    launch = f'"{sys.executable}" -m splatbus_viewer view'
-    code, output = run("client", "--launch", launch, "--select", "FRM", "--parallel", "2")
+    launch = command("tests.gpu.demo_server")
+    words = ("--select", ",".join(SERVER), "--parallel", "2", "--require-level", "L3")
+    code, output = run("server", "--launch", launch, *words)
     assert code == 0, output
