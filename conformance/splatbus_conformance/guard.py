@@ -33,7 +33,7 @@ class Kind(StrEnum):
 
 
 _told: tuple[int, int] = (0, 0)
-"""The process that has a guard, and the pipe to it."""
+"""The process that has a guard, and the pipe to it; what was forked has none yet."""
 
 
 def watch(kind: Kind, what: object) -> None:
@@ -81,22 +81,10 @@ def _tell(line: str) -> None:
     global _told
     if sys.platform == "win32":
         return
-    if not _told[0]:
+    if _told[0] != os.getpid():
         _told = os.getpid(), _start()
     with contextlib.suppress(BrokenPipeError):  # somebody has ended it
         os.write(_told[1], f"{line}\n".encode())
-
-
-def _forked() -> None:
-    """What was forked has no guard yet, and must not hold the pipe by which another's waits."""
-    global _told
-    if _told[0]:
-        os.close(_told[1])
-    _told = 0, 0
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forked)
 
 
 def _start() -> int:

@@ -6,7 +6,6 @@ Each row changes a line of the client that comes with the harness, which conform
 import argparse
 import multiprocessing
 import os
-import shlex
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
@@ -94,7 +93,7 @@ def judged(folder: Path, row: Row | None) -> dict[str, str]:
     selection = Selection(
         (TRAFFIC, *([row.requirement] if row else [it.requirement for it in ROWS]))
     )
-    launch = shlex.join([sys.executable, str(program)])
+    launch = f'"{sys.executable}" "{program}"'
     plan = Plan(
         *("client", launch, USUAL_HOST, (0, 0), USUAL_SIZE, LAUNCH_PATIENCE),
         profile="brief",
