@@ -90,7 +90,7 @@ def checks() -> str:
     ):
         page += f"\n## {title}\n\n"
         page += table(
-            ("judges", "level", "name", "what it sees"),
+            ("judges", "level", "what it does"),
             (_check_row(name, same, seen) for name, same in _by_name(chosen).items()),
         )
     return page
@@ -166,7 +166,7 @@ def _check_row(name: str, same: list[Judged], seen: set[str]) -> tuple[str, ...]
     seen.add(name)
     judge = same[0].judge
     ids = ", ".join(dict.fromkeys(each.requirement for each in same))
-    return ids, _level(judge.level), f"{anchor}`{name}`<br>{judge.what}", judge.observable
+    return ids, _level(judge.level), f"{anchor}`{name}`<br>{judge.what}"
 
 
 def _by_clause(ids: Iterable[str]) -> dict[str, list[str]]:

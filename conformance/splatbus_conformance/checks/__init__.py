@@ -1,8 +1,9 @@
 """Checks: each plays one scenario with the testee and judges one requirement by it.
 
 A check is a function `check_*` of a `Trial`, and, where it says so, of the channel that it is tried
-on, of what is set up for it, and of one case of many. Its docstring is what `explain` shows. The
-set of outcomes that it accepts is the one that the specification lists for its requirement.
+on, of what is set up for it, and of one case of many. Whenever it returns, a case was delivered and
+seen to be taken; it returns False where nothing shows that. Its docstring is what `explain` shows.
+The set of outcomes that it accepts is the one that the specification lists for its requirement.
 """
 
 import functools
@@ -24,14 +25,13 @@ Needs = tuple[str, ...]
 
 
 class End(NamedTuple):
-    """Whom a check judges, and where."""
+    """Whom a check judges, and where: on one channel, or wherever its scenario goes."""
 
     side: Side
-    channel: Channel
+    channel: Channel | None = None
 
 
-_SIDES: dict[str, Side] = {"ClientTrial": "client", "ServerTrial": "server"}
-"""Which side a check judges that names no ends, by what its trial is."""
+CLIENT, SERVER = End("client"), End("server")
 CLIENT_IPC, CLIENT_MSG = End("client", "ipc"), End("client", "msg")
 SERVER_IPC, SERVER_MSG = End("server", "ipc"), End("server", "msg")
 
@@ -65,8 +65,6 @@ class Check:
     """What is known of a check of one side before it runs."""
 
     requirement: str
-    observable: str
-    """What of the requirement can be seen from outside."""
     places: Mapping[Channel | None, Needs]
     """What the testee must have shown of itself, on each channel that the check is tried on, or
     at all: as `ClientFacts.lacks` and `ServerFacts.lacks` know it."""
@@ -116,36 +114,39 @@ class Check:
 def check(
     requirement: str,
     *,
-    observable: str,
-    needs: Needs = (),
-    on: Mapping[End, Needs] | None = None,
-    given: Callable[..., AbstractContextManager[Any]] | None = None,
+    on: Mapping[End, Needs],
+    given: Callable[..., Any] | None = None,
     cases: Choice | Mapping[End, Choice] | None = None,
     may_crash: bool = False,
     profile: str = "brief",
-) -> Callable[[Callable[..., None]], Callable[[Any], None]]:
+    observable: str = "",
+) -> Callable[[Callable[..., bool | None]], Callable[[Any], None]]:
     """Declare a function to be the check of a requirement.
 
     Args:
         requirement: its id.
-        observable: what of the requirement is seen.
-        needs: what the testee must have shown, where the check is of one side, that of its trial.
-        on: the same for each end at which it judges; then the function takes a channel, too.
-        given: what sets up, once for all cases, what the function takes next, and ends it; it is
-            given the trial and the channel. What is to be judged when all is over, it judges.
+        on: what the testee must have shown, for each end at which the check judges; where they
+            have channels, the function takes one, too.
+        given: what sets up, once for all cases, what the function takes next; it is given the trial
+            and the channel. Of a context the end belongs to it, and what is judged when all is
+            over.
         cases: what to go through, at each of these ends; then the function takes one case, too.
         may_crash: as of a `Check`.
         profile: as of a `Check`.
     """
 
-    def declare(function: Callable[..., None]) -> Callable[[Any], None]:
+    sides: dict[Side, dict[Channel | None, Needs]] = {}
+    for end, needs in on.items():
+        sides.setdefault(end.side, {})[end.channel] = needs
+
+    def declare(function: Callable[..., bool | None]) -> Callable[[Any], None]:
         def play(trial: Any) -> None:
             shown = found[trial.side].shown_on(trial.facts)
-            for channel, why_not in shown.items() if on else [(None, None)]:
+            for channel, why_not in shown.items():
                 try:
                     if why_not:
                         raise NotObservable(why_not)
-                    _through(function, trial, channel, given, cases)
+                    _through(function, trial, End(trial.side, channel), given, cases)
                 except NotObservable as nothing:
                     if channel is None or {*trial.unseen, channel} == shown.keys():
                         raise
@@ -153,9 +154,10 @@ def check(
 
         functools.update_wrapper(play, function, updated=())
         del play.__wrapped__  # type: ignore[attr-defined]  # whoever collects it gives it a trial
-        found: dict[Side, Check] = {}
-        for side, places in _sides(function, needs, on).items():
-            found[side] = Check(requirement, observable, places, may_crash, profile, side, play)
+        found = {
+            side: Check(requirement, places, may_crash, profile, side, play)
+            for side, places in sides.items()
+        }
         play.checks = found  # type: ignore[attr-defined]
         return play
 
@@ -163,38 +165,26 @@ def check(
 
 
 def _through(
-    function: Callable[..., None],
+    function: Callable[..., bool | None],
     trial: Any,
-    channel: Channel | None,
-    given: Callable[..., AbstractContextManager[Any]] | None,
+    end: End,
+    given: Callable[..., Any] | None,
     cases: Choice | Mapping[End, Choice] | None,
 ) -> None:
-    arguments = [trial] if channel is None else [trial, channel]
+    arguments = [trial] if end.channel is None else [trial, end.channel]
     with ExitStack() as held:
         if given:
-            arguments.append(held.enter_context(given(*arguments)))
+            setting = given(*arguments)
+            context = isinstance(setting, AbstractContextManager)
+            arguments.append(held.enter_context(setting) if context else setting)
         if cases is None:
-            function(*arguments)
+            trial.delivered += function(*arguments) is not False
             return
-        chosen = cases
-        if isinstance(chosen, Mapping):
-            assert channel, "cases of each end, of a check that names no end"
-            chosen = chosen[End(trial.side, channel)]
+        chosen = cases[end] if isinstance(cases, Mapping) else cases
         if not isinstance(chosen, Cases):
             chosen = chosen(*arguments)
         for case in trial.each(**chosen._asdict()):
-            function(*arguments, case)
-
-
-def _sides(
-    function: Callable[..., None], needs: Needs, on: Mapping[End, Needs] | None
-) -> dict[Side, dict[Channel | None, Needs]]:
-    if on is None:
-        return {_SIDES[function.__annotations__["trial"].__name__]: {None: needs}}
-    sides: dict[Side, dict[Channel | None, Needs]] = {}
-    for end, needed in on.items():
-        sides.setdefault(end.side, {})[end.channel] = needed
-    return sides
+            trial.delivered += function(*arguments, case) is not False
 
 
 def paragraph(docstring: str | None) -> str:

@@ -25,8 +25,6 @@ class Judge(NamedTuple):
     level: str
     what: str
     """What it does, in a sentence or two."""
-    observable: str
-    """What of the requirement it sees."""
 
 
 class Exclusion(NamedTuple):
@@ -68,11 +66,9 @@ def judges(peer: Side) -> Mapping[str, list[Judge]]:
         for name in rule.judges:
             if peer in known[name].binds:
                 what = paragraph(rule.__doc__)
-                found.setdefault(name, []).append(Judge(rule.__name__, "L0", what, "bytes"))
+                found.setdefault(name, []).append(Judge(rule.__name__, "L0", what))
     for check in checks_of(peer):
-        found.setdefault(check.requirement, []).append(
-            Judge(check.name, check.level, check.does, check.observable)
-        )
+        found.setdefault(check.requirement, []).append(Judge(check.name, check.level, check.does))
     return found
 
 

@@ -56,7 +56,7 @@ def print_explanation(out: Console, name: str) -> bool:
     for peer in requirement.binds:
         for judge in judges(peer).get(requirement.id, []):
             grid.add_row(peer, Text.assemble((words(judge.name), "bold"), f" at {judge.level}"))
-            grid.add_row("", Text(f"{judge.what} Seen: {judge.observable}.", "dim"))
+            grid.add_row("", Text(judge.what, "dim"))
         if why := exclusions(peer).get(requirement.id):
             grid.add_row(peer, f"not judged (visible at {why.visible_at})")
             grid.add_row("", Text(why.reason, "dim"))

@@ -73,7 +73,7 @@ class CheckAftermath(NamedTuple):
     """Its own verdict says that something is broken."""
 
 
-MEETING = Check("CHN-19", "what the testee does when it is left alone", {}, False, "quick")
+MEETING = Check("CHN-19", {}, False, "quick")
 """The first meeting, as if it were a check."""
 
 
@@ -152,7 +152,7 @@ class Checker:
         try:
             trial = self._trial(check)
             check.play(trial)
-            verdict, text = _passed(check, trial)
+            verdict, text = _passed(trial)
         except NotObservable as nothing:
             verdict, text = Verdict.SKIP, str(nothing)
         except Violation as broken:
@@ -327,13 +327,13 @@ def selectable(check: Check) -> Item:
     return Item(check.requirement, check.name, check.level, check.profile)
 
 
-def _passed(check: Check, trial: Trial) -> tuple[Verdict, str]:
+def _passed(trial: Trial) -> tuple[Verdict, str]:
     """What to say of a check that saw nothing broken."""
     text = "; ".join(map(str, trial.measurements))
     if not trial.delivered:
         text = NOTHING_PROVEN
     elif not text:
-        text = f"{trial.delivered} delivered; seen of each: {check.observable}"
+        text = f"{trial.delivered} delivered"
     text += f"; {trial.extent}" if trial.extent else ""
     unseen = trial.unseen.items()
     text += "".join(f"; nothing is said of the {at} channel: {why}" for at, why in unseen)

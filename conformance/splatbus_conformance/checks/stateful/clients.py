@@ -5,7 +5,7 @@ What breaks is often not one step but the one that follows a certain other one.
 
 from collections.abc import Sequence
 
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.stateful import Step
 from splatbus_conformance.checks.stateful.explore import Amount, go_through
 from splatbus_conformance.checks.stateful.with_client import WithClient
@@ -29,6 +29,7 @@ def play(
 
 @check(
     "CHN-19",
+    on={CLIENT: ()},
     observable="after each step the process is alive, and comes back where it was seen to",
     may_crash=True,
 )
@@ -39,7 +40,12 @@ def check_survives_any_session(trial: ClientTrial) -> None:
     play(trial, LOSING, *kept[: 2 if trial.thorough else 1], returning=True)
 
 
-@check("CHN-20", observable="after each loss the testee makes a new connection", profile="full")
+@check(
+    "CHN-20",
+    on={CLIENT: ()},
+    observable="after each loss the testee makes a new connection",
+    profile="full",
+)
 def check_returns_in_any_session(trial: ClientTrial) -> None:
     """Connections are lost at every point of a session."""
     play(trial, LOSING, (("announce", 2), ("lend",), ("drop", "ipc", "close")), returning=True)
@@ -48,7 +54,7 @@ def check_returns_in_any_session(trial: ClientTrial) -> None:
 @check(
     "CHN-24",
     observable="after each loss the testee opens the memory that is announced then",
-    needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
+    on={CLIENT: (*OPENS_HOST_MEMORY, "returns:ipc")},
     profile="full",
 )
 def check_uses_the_new_memory_in_any_session(trial: ClientTrial) -> None:
@@ -60,7 +66,7 @@ def check_uses_the_new_memory_in_any_session(trial: ClientTrial) -> None:
 @check(
     "OPN-1",
     observable="one answer to each init packet, on each connection",
-    needs=TAKES_FURTHER,
+    on={CLIENT: TAKES_FURTHER},
     profile="full",
 )
 def check_answers_in_any_session(trial: ClientTrial) -> None:
@@ -72,7 +78,7 @@ def check_answers_in_any_session(trial: ClientTrial) -> None:
 @check(
     "OPN-5",
     observable="closed for each former generation, on each connection",
-    needs=TAKES_FURTHER,
+    on={CLIENT: TAKES_FURTHER},
     profile="full",
 )
 def check_closes_former_memory_in_any_session(trial: ClientTrial) -> None:
@@ -84,7 +90,7 @@ def check_closes_former_memory_in_any_session(trial: ClientTrial) -> None:
 @check(
     "IMG-12",
     observable="one release for each frame, on each connection",
-    needs=(*OPENS_HOST_MEMORY, "capability:frames", "returns:ipc"),
+    on={CLIENT: (*OPENS_HOST_MEMORY, "capability:frames", "returns:ipc")},
     profile="full",
 )
 def check_releases_in_any_session(trial: ClientTrial) -> None:

@@ -6,7 +6,7 @@ import time
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import CAMERA_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import PACE_SECONDS
 from splatbus_conformance.trials.moves.stalled import stalled
@@ -44,6 +44,7 @@ EVERYWHERE = ("0.0.0.0", "::")
 
 @check(
     "LIM-1",
+    on={SERVER: ()},
     observable="some of very many connections on a channel are refused or closed",
     cases=Cases(CHANNELS),
 )
@@ -73,7 +74,7 @@ def check_connections_are_limited(trial: ServerTrial, channel: Channel) -> None:
         connection.close()
 
 
-@check("LIM-2", observable="the connection is closed", may_crash=True)
+@check("LIM-2", on={SERVER: ()}, observable="the connection is closed", may_crash=True)
 def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     """A client that asks and asks and reads no reply, until the server has more of them than it may
     keep, or has waited for longer than it may.
@@ -96,7 +97,12 @@ def check_who_never_reads_is_closed(trial: ServerTrial) -> None:
     )
 
 
-@check("LIM-2", observable="the connection is closed of which TCP takes nothing", may_crash=True)
+@check(
+    "LIM-2",
+    on={SERVER: ()},
+    observable="the connection is closed of which TCP takes nothing",
+    may_crash=True,
+)
 def check_who_stops_reading_is_closed(trial: ServerTrial) -> None:
     """A client that reads nothing, for which less waits in the server than it may keep; the system
     has to show that something does, as Linux does.
@@ -113,7 +119,9 @@ def check_who_stops_reading_is_closed(trial: ServerTrial) -> None:
 
 
 @check(
-    "SEC-1", observable="no port of the server can be reached at another address of this machine"
+    "SEC-1",
+    on={SERVER: ()},
+    observable="no port of the server can be reached at another address of this machine",
 )
 def check_listens_on_loopback_alone(trial: ServerTrial) -> None:
     """The server was told a loopback address; its ports are tried at the machine's others."""

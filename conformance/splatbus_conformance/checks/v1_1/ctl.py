@@ -4,7 +4,7 @@ import itertools
 import math
 from typing import Any
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
 from splatbus_conformance.checks.v1_1.tim_png import CLOSENESS, set_time
 from splatbus_conformance.images.pinhole import placed_in, told_of
@@ -64,7 +64,7 @@ def leave(client: Connection, how: str) -> None:
         client.close()
 
 
-@check("CTL-1", observable="the error after the first pose of a second client", needs=SPEAKS)
+@check("CTL-1", observable="the error after the first pose of a second client", on={SERVER: SPEAKS})
 def check_tells_who_has_no_control(trial: ServerTrial) -> None:
     """One client has control; others send a pose, each of another kind, the first of them after one
     that is broken.
@@ -91,7 +91,7 @@ def check_tells_who_has_no_control(trial: ServerTrial) -> None:
     trial.expect(busy(trial, first) == 0, "wrongly-busy", "the client in control was told busy")
 
 
-@check("CTL-4", observable="who has control after poses that are refused", needs=SPEAKS)
+@check("CTL-4", observable="who has control after poses that are refused", on={SERVER: SPEAKS})
 def check_refused_poses_count_for_nothing(trial: ServerTrial) -> None:
     """A client sends a pose that is refused, before anybody has control, and then others pose; the
     same after one has it.
@@ -150,7 +150,7 @@ def refused_poses(trial: ServerTrial) -> dict[str, Json]:
     return found
 
 
-@check("CTL-2", observable="how many errors come of many poses", needs=SPEAKS)
+@check("CTL-2", observable="how many errors come of many poses", on={SERVER: SPEAKS})
 def check_tells_it_once(trial: ServerTrial) -> None:
     """Two clients without control send poses of every kind, many times, and some that are refused,
     beside one of 1.0; then control passes to one of them, which poses on.
@@ -201,7 +201,7 @@ def check_tells_it_once(trial: ServerTrial) -> None:
 @check(
     "CTL-5",
     observable="the first frames after control passed on, and nobody posed",
-    needs=("1.1", "frames"),
+    on={SERVER: ("1.1", "frames")},
 )
 def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     """Three clients, of 1.1, 1.0 and 1.1, pose many times, the last with all that it may say, its
@@ -306,7 +306,7 @@ def _cloud(z: float) -> Json:
 @check(
     "POS-11",
     observable="frames after poses of each kind of a second client",
-    needs=("1.1", "frames", "pixels"),
+    on={SERVER: ("1.1", "frames", "pixels")},
 )
 def check_no_pose_of_another_is_applied(trial: ServerTrial) -> None:
     """A client has control and has set what it may; another sends a pose of each kind."""
@@ -338,7 +338,7 @@ def check_no_pose_of_another_is_applied(trial: ServerTrial) -> None:
 @check(
     "CTL-3",
     observable="the cameras and times of frames after the client that set them has gone",
-    needs=("1.1", "frames", "pixels"),
+    on={SERVER: ("1.1", "frames", "pixels")},
 )
 def check_lens_and_time_end_with_their_client(trial: ServerTrial) -> None:
     """A client sets intrinsics and time and closes; then one of 1.0, or of 1.1, has control, which

@@ -1,6 +1,6 @@
 """Checks on what a client says again when it has come back (spec 1.1 section 6.3)."""
 
-from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, check
+from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, check
 from splatbus_conformance.checks.v1_0.cnv.adapter import COMMANDS, said_again
 from splatbus_conformance.checks.v1_1.neg.clients import heard
 from splatbus_conformance.trials.client import ClientTrial
@@ -38,7 +38,7 @@ def check_says_again_what_it_wants(trial: ClientTrial, channel: Channel) -> None
 @check(
     "CTL-6",
     observable="whether the testee says again by itself the poses that it was given",
-    needs=("hello:msg", "adapter:send_camera", "reconnects:msg"),
+    on={CLIENT: ("hello:msg", "adapter:send_camera", "reconnects:msg")},
 )
 def check_says_its_poses_again(trial: ClientTrial) -> None:
     """The message channel is lost after a pose was sent, and comes back; of cameras, and of the

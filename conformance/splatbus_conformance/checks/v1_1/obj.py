@@ -9,7 +9,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import turned_about
 from splatbus_conformance.images.known_scene import COLOR_BUDGET, NOTHING, ExactImage, render
@@ -88,7 +88,7 @@ def exact_of(trial: ServerTrial, where: Moved, seen: CapturedFrame) -> ExactImag
 BOTH = (DEFAULT, BALL)
 
 
-@check("OBJ-5", observable="the colours of images of a known scene", needs=KNOWN)
+@check("OBJ-5", observable="the colours of images of a known scene", on={SERVER: KNOWN})
 def check_objects_are_where_they_were_put(trial: ServerTrial) -> None:
     """Each object of the scene is moved, turned and scaled, by itself and with the others."""
     for where, seen in moving(trial, quick=6, full=400):
@@ -103,7 +103,7 @@ def check_objects_are_where_they_were_put(trial: ServerTrial) -> None:
         )
 
 
-@check("OBJ-6", observable="the depths of images of a known scene", needs=KNOWN)
+@check("OBJ-6", observable="the depths of images of a known scene", on={SERVER: KNOWN})
 def check_depth_is_in_world_units(trial: ServerTrial) -> None:
     """The depths of objects that are larger or smaller than they were."""
     compared = 0
@@ -125,7 +125,7 @@ def check_depth_is_in_world_units(trial: ServerTrial) -> None:
         trial.not_observable("no image showed any of the scene")
 
 
-@check("OBJ-7", observable="the objects that frames list", needs=("1.1", "frames"))
+@check("OBJ-7", observable="the objects that frames list", on={SERVER: ("1.1", "frames")})
 def check_frames_list_what_was_moved(trial: ServerTrial) -> None:
     """The Gaussians are moved as 1.0 does it, then each object of the scene."""
     if trial.facts.grants("objects"):
@@ -180,7 +180,7 @@ def _same(told: Json | None, pose: Pose, scale: float) -> bool:
     )
 
 
-@check("OBJ-2", observable="the objects that frames list", needs=MOVES_OBJECTS)
+@check("OBJ-2", observable="the objects that frames list", on={SERVER: MOVES_OBJECTS})
 def check_point_cloud_pose_is_of_the_default_object(trial: ServerTrial) -> None:
     """The default object is moved by one message and by the other, in turns."""
     pose = Pose((0.25, -0.125, 0.5), turned_about(AT_REST.rotation, (1, 0, 0), 0.2))
@@ -198,7 +198,7 @@ def check_point_cloud_pose_is_of_the_default_object(trial: ServerTrial) -> None:
             trial.delivered += 1
 
 
-@check("OBJ-3", observable="the error", needs=("1.1", "capability:objects"))
+@check("OBJ-3", observable="the error", on={SERVER: ("1.1", "capability:objects")})
 def check_reports_unknown_objects(trial: ServerTrial) -> None:
     """Names that the scene has not, good poses otherwise."""
     known, poser = trial.facts.objects(), trial.greeted("msg")
@@ -230,7 +230,7 @@ def broken_object_poses(good: Json) -> Iterator[tuple[str, Json, str]]:
         yield (told := f"the scale {show(value)}"), good | {"scale": value}, told
 
 
-@check("OBJ-4", observable="where frames have the object afterwards", needs=MOVES_OBJECTS)
+@check("OBJ-4", observable="where frames have the object afterwards", on={SERVER: MOVES_OBJECTS})
 def check_keeps_the_former_pose_of_an_object(trial: ServerTrial) -> None:
     """Poses of an object that miss or mistype members, and scales that are none."""
     good = placed(DEFAULT, Pose((0.5, 0.25, 0.75), AT_REST.rotation), 0.75)
@@ -258,7 +258,7 @@ def check_keeps_the_former_pose_of_an_object(trial: ServerTrial) -> None:
         it.look(placed(DEFAULT, AT_REST))
 
 
-@check("OBJ-4", observable="where frames have each object afterwards", needs=MOVES_OBJECTS)
+@check("OBJ-4", observable="where frames have each object afterwards", on={SERVER: MOVES_OBJECTS})
 def check_keeps_the_former_pose_of_each_object(trial: ServerTrial) -> None:
     """The same of every object of the scene, by a rotation and by a scale that are none."""
     home = Pose((-0.125, 0.125, 0.25), AT_REST.rotation)
@@ -278,7 +278,7 @@ def check_keeps_the_former_pose_of_each_object(trial: ServerTrial) -> None:
             trial.delivered += 1
 
 
-@check("OBJ-5", observable="the scale of objects in frames", needs=MOVES_OBJECTS)
+@check("OBJ-5", observable="the scale of objects in frames", on={SERVER: MOVES_OBJECTS})
 def check_a_scale_that_is_absent_is_1(trial: ServerTrial) -> None:
     """Each object of the scene is scaled, and then posed without a scale."""
     here, there = (Pose((0.125, 0.25, z), AT_REST.rotation) for z in (0.5, 0.75))

@@ -3,7 +3,7 @@
 from typing import Any
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.image_session import answers, placed
 from splatbus_conformance.trials.server import ServerTrial
@@ -17,7 +17,9 @@ ASIDE = Pose((3.0, -5.0, 7.0), (0.5, -0.5, 0.5, 0.5))
 IDENTITY = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 
 
-@check("SCN-2", observable="the reply to get_scene, and that it is of this scene", needs=TELLS)
+@check(
+    "SCN-2", observable="the reply to get_scene, and that it is of this scene", on={SERVER: TELLS}
+)
 def check_tells_of_its_scene(trial: ServerTrial) -> None:
     """The objects that it lists can be posed, and their bounds are in their own axes; its cameras
     are as many as can be told apart, its origin is that of the init packet.
@@ -97,7 +99,7 @@ def _expect_cameras(trial: ServerTrial, count: Any) -> None:
     )
 
 
-@check("TIM-4", observable="timeRange of a scene whose time is granted", needs=TELLS)
+@check("TIM-4", observable="timeRange of a scene whose time is granted", on={SERVER: TELLS})
 def check_grants_time_to_the_animated_alone(trial: ServerTrial) -> None:
     """What `welcome` lists, and what `scene` says."""
     granted = trial.facts.grants("time")

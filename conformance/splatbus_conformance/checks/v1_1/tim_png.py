@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.known_scene import BOBS, COLOR_BUDGET, render
 from splatbus_conformance.trials.moves.frame_readers import frames_of
 from splatbus_conformance.trials.moves.image_session import ImageSession, further
@@ -41,7 +41,7 @@ def times(first: float, last: float) -> st.SearchStrategy[float]:
     return st.floats(first, last) | st.floats(first - beyond, last + beyond)
 
 
-@check("TIM-2", observable="the time of the frames that follow", needs=ANIMATED)
+@check("TIM-2", observable="the time of the frames that follow", on={SERVER: ANIMATED})
 def check_renders_at_the_time_that_was_set(trial: ServerTrial) -> None:
     """Times inside and outside of the range, several at once, of which the newest counts."""
     first, last = time_range(trial)
@@ -63,7 +63,7 @@ def check_renders_at_the_time_that_was_set(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("TIM-3", observable="every pixel of an animated scene", needs=(*ANIMATED, "scene"))
+@check("TIM-3", observable="every pixel of an animated scene", on={SERVER: (*ANIMATED, "scene")})
 def check_frames_tell_the_time_of_their_image(trial: ServerTrial) -> None:
     """What moves with time is where it has to be at the time that each frame tells."""
     first, last = time_range(trial)
@@ -141,7 +141,7 @@ def read_clock(trial: ServerTrial, connection: Connection, t: float, id: int) ->
     return ClockReading(sent, float(clock), came, what)
 
 
-@check("PNG-2", observable="the pong, and its time between the ping and itself", needs=PINGS)
+@check("PNG-2", observable="the pong, and its time between the ping and itself", on={SERVER: PINGS})
 def check_pong_tells_the_clock(trial: ServerTrial) -> None:
     """Pings with odd times, now and a while later: one offset of the clocks explains all of them,
     and `renderedAt` of frames too.
@@ -185,7 +185,7 @@ def expect_one_offset(trial: ServerTrial, readings: list[ClockReading]) -> None:
         )
 
 
-@check("PNG-3", observable="the order of times in pongs and frames", needs=PINGS)
+@check("PNG-3", observable="the order of times in pongs and frames", on={SERVER: PINGS})
 def check_the_clock_goes_on(trial: ServerTrial) -> None:
     """Pings on two connections in turns, with frames between them: no time is before the last."""
     first = trial.greeted("msg")

@@ -6,7 +6,7 @@ from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.control import controlling
 from splatbus_conformance.trials.moves.image_session import answers, further
@@ -38,7 +38,7 @@ BAD_SIZES: tuple[tuple[Any, Any], ...] = (
 )
 
 
-@check("VPT-2", observable="the reply, or the error", needs=("1.1", "capability:viewport"))
+@check("VPT-2", observable="the reply, or the error", on={SERVER: ("1.1", "capability:viewport")})
 def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
     """Sizes that are none, and several that are, with nobody who reads images; the size that is
     told from then on is the one that was agreed, and an error leaves it as it was.
@@ -76,7 +76,7 @@ def check_answers_with_the_size_or_an_error(trial: ServerTrial) -> None:
         )
 
 
-@check("NEG-29", observable="the order of the answers", needs=("1.1", "capability:viewport"))
+@check("NEG-29", observable="the order of the answers", on={SERVER: ("1.1", "capability:viewport")})
 def check_answers_what_follows_another_size_after_it(trial: ServerTrial) -> None:
     """A `set_viewport` that changes the size, and other requests right behind it."""
     with resizing(trial) as client:
@@ -111,7 +111,7 @@ def _agreed_in_order(trial: ServerTrial, client: Connection, size: Size) -> bool
     return any(answer.get("type") == "viewport_size" for answer in heard[:1])
 
 
-@check("VPT-3", observable="the error while one reader takes no reinit", needs=RESIZES)
+@check("VPT-3", observable="the error while one reader takes no reinit", on={SERVER: RESIZES})
 def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial) -> None:
     """Two readers, of which one does not list `reinit`; it leaves, and then comes back. Alone, the
     other one lets the size change.
@@ -153,7 +153,7 @@ def _code(answer: Json) -> Any:
     return answer.get("code") or answer.get("type")
 
 
-@check("VPT-4", observable="the error while another client has control", needs=RESIZES)
+@check("VPT-4", observable="the error while another client has control", on={SERVER: RESIZES})
 def check_obeys_who_has_control(trial: ServerTrial) -> None:
     """One client poses the camera; another asks for a size, before and after it has posed too, then
     the first, then the other once the first has gone.
@@ -176,7 +176,7 @@ def check_obeys_who_has_control(trial: ServerTrial) -> None:
         trial.delivered += 3
 
 
-@check("VPT-4", observable="the error while former memory is in use", needs=RESIZES)
+@check("VPT-4", observable="the error while former memory is in use", on={SERVER: RESIZES})
 def check_has_memory_twice_at_most(trial: ServerTrial) -> None:
     """A reader opens memory of another size and keeps what it had; a third size is asked for."""
     with resizing(trial) as client:
@@ -197,7 +197,7 @@ def check_has_memory_twice_at_most(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("VPT-10", observable="the answers to the client that has control", needs=RESIZES)
+@check("VPT-10", observable="the answers to the client that has control", on={SERVER: RESIZES})
 def check_is_not_busy_for_ever(trial: ServerTrial) -> None:
     """The size changes again and again, while nobody reads, and beside a reader that lets go of
     what was before.
@@ -219,7 +219,7 @@ def check_is_not_busy_for_ever(trial: ServerTrial) -> None:
             trial.delivered += 1
 
 
-@check("VPT-5", observable="the init packets of all readers", needs=RESIZES)
+@check("VPT-5", observable="the init packets of all readers", on={SERVER: RESIZES})
 def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
     """Up to three readers, of which one holds a frame, and one takes none; the size changes again
     and again.
@@ -252,7 +252,7 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial) -> None:
             trial.delivered += 1
 
 
-@check("VPT-6", observable="that no init packet comes", needs=RESIZES)
+@check("VPT-6", observable="that no init packet comes", on={SERVER: RESIZES})
 def check_announces_no_other_memory_unasked(trial: ServerTrial) -> None:
     """The size that images have, again and again, also once they have another; sizes that are none;
     a size while another client has control.

@@ -4,7 +4,7 @@ import time
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_1.neg.clients import listen
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.wire.conversation import Message
@@ -17,7 +17,7 @@ PAUSE: float = LIMITS["ask_again_min_seconds"]
 @check(
     "VPT-9",
     observable="how soon after busy the testee asks for another size again",
-    needs=("hello:msg", "says:set_viewport", "returns:msg"),
+    on={CLIENT: ("hello:msg", "says:set_viewport", "returns:msg")},
 )
 def check_asks_for_a_size_again_later(trial: ClientTrial) -> None:
     """Whoever asks for another size, is told `busy`, once all has come that it asks ahead."""

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_0.acc.servers import (
     AT_ORIGIN,
     Registered,
@@ -190,31 +190,31 @@ def taking(trial: ServerTrial, farthest: float, full: int) -> Registered:
         yield from registered(trial, farthest, 2, full, capture.take)
 
 
-@check("ACC-2", observable=REGISTERED, needs=SHOWN)
+@check("ACC-2", observable=REGISTERED, on={SERVER: SHOWN})
 def check_rotations_in_device_memory_are_those_of_the_quaternion(trial: ServerTrial) -> None:
     """Quaternions of norms from 0.9905 to 1.0095, half-turns, and next to the identity."""
     expect_rotations(trial, taking(trial, 1.0, 100))
 
 
-@check("ACC-3", observable=REGISTERED, needs=SHOWN)
+@check("ACC-3", observable=REGISTERED, on={SERVER: SHOWN})
 def check_rotations_in_device_memory_do_not_shear(trial: ServerTrial) -> None:
     """‖RᵀR − I‖₂ of the matrix that the image was rendered with."""
     expect_no_shear(trial, taking(trial, 1.0, 100))
 
 
-@check("ACC-4", observable=REGISTERED, needs=SHOWN)
+@check("ACC-4", observable=REGISTERED, on={SERVER: SHOWN})
 def check_translations_in_device_memory_are_exact(trial: ServerTrial) -> None:
     """t = −Rᵀ·c of the view, for cameras up to 1,000 units from the origin."""
     expect_translations(trial, taking(trial, 1e3, 100))
 
 
-@check("ACC-5", observable=REGISTERED, needs=SHOWN)
+@check("ACC-5", observable=REGISTERED, on={SERVER: SHOWN})
 def check_the_camera_in_device_memory_is_where_it_was_put(trial: ServerTrial) -> None:
     """The camera's centre, as the image has it, up to 10,000 units from the origin."""
     expect_centres(trial, taking(trial, 1e4, 100))
 
 
-@check("ACC-6", observable=REGISTERED, needs=SHOWN)
+@check("ACC-6", observable=REGISTERED, on={SERVER: SHOWN})
 def check_single_precision_in_device_memory_is_rounded_once(trial: ServerTrial) -> None:
     """Cameras up to 100,000 units from the origin, where each digit that was lost is seen."""
     expect_centres(trial, taking(trial, 1e5, 100))

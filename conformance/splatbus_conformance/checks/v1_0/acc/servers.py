@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from splatbus_conformance.cases.valid.numbers import hard_numbers, nearest, spelled_as
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import HardView, hardest, staged, stages
 from splatbus_conformance.images.known_scene import (
@@ -93,7 +93,7 @@ def shown(
         yield ShownView(stage, photograph, render(photograph.camera, setting), scene)
 
 
-@check("IMG-5", observable="every pixel of images of a known scene", needs=SCENE)
+@check("IMG-5", observable="every pixel of images of a known scene", on={SERVER: SCENE})
 def check_every_pixel_is_of_the_camera(trial: ServerTrial) -> None:
     """Cameras and scenes turned in every way: colour and depth of each pixel have to be right."""
     for stage, photograph, exact, _ in shown(trial, 10.0, 8, 500):
@@ -118,7 +118,7 @@ def check_every_pixel_is_of_the_camera(trial: ServerTrial) -> None:
             )
 
 
-@check("ACC-13", observable="every pixel of images of a known scene, far off", needs=SCENE)
+@check("ACC-13", observable="every pixel of images of a known scene, far off", on={SERVER: SCENE})
 def check_every_pixel_is_what_single_precision_can_do(trial: ServerTrial) -> None:
     """Cameras and scenes up to a million units from the origin: colour and depth of every pixel but
     those next to an edge, a tie or a clipping plane.
@@ -134,7 +134,7 @@ def check_every_pixel_is_what_single_precision_can_do(trial: ServerTrial) -> Non
     trial.expect_within_budgets()
 
 
-@check("ACC-12", observable="depths of a known scene, from near to far", needs=SCENE)
+@check("ACC-12", observable="depths of a known scene, from near to far", on={SERVER: SCENE})
 def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
     """The scene from 1 to 50 units away, all of it opaque: no pixel may hold a smaller depth than
     one whose surface is nearer.
@@ -164,7 +164,7 @@ def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
         trial.not_observable("no image showed surfaces at two depths")
 
 
-@check("BUF-2", observable="the colours of a known scene", needs=SCENE)
+@check("BUF-2", observable="the colours of a known scene", on={SERVER: SCENE})
 def check_colour_is_red_green_blue_alpha(trial: ServerTrial) -> None:
     """The four numbers of a pixel, against those of the scene in every order."""
     for stage, photograph, exact, _ in shown(trial, 10.0, 1, 20):
@@ -218,7 +218,7 @@ def registered(
         trial.not_observable("no image showed enough of the scene")
 
 
-@check("ACC-14", observable="the camera of a frame, to the last bit", needs=("frames",))
+@check("ACC-14", observable="the camera of a frame, to the last bit", on={SERVER: ("frames",)})
 def check_numbers_are_read_to_the_last_bit(trial: ServerTrial) -> None:
     """Positions in decimals next to halfway between two doubles, exact ones, and of 17 digits; some
     of them one unit in the last place apart. A server may hold them in single precision, rounded
@@ -244,7 +244,7 @@ def check_numbers_are_read_to_the_last_bit(trial: ServerTrial) -> None:
             )
 
 
-@check("ACC-2", observable=REGISTERED, needs=SCENE)
+@check("ACC-2", observable=REGISTERED, on={SERVER: SCENE})
 def check_rotations_are_those_of_the_quaternion(trial: ServerTrial) -> None:
     """Quaternions of norms from 0.9905 to 1.0095, half-turns, and next to the identity."""
     expect_rotations(trial, registered(trial, 1.0, 5, 500))
@@ -258,7 +258,7 @@ def expect_rotations(trial: ServerTrial, images: Registered) -> None:
     trial.expect_within_budgets()
 
 
-@check("ACC-3", observable=REGISTERED, needs=SCENE)
+@check("ACC-3", observable=REGISTERED, on={SERVER: SCENE})
 def check_rotations_do_not_shear(trial: ServerTrial) -> None:
     """‖RᵀR − I‖₂ of the matrix that the image was rendered with."""
     expect_no_shear(trial, registered(trial, 1.0, 5, 500))
@@ -271,7 +271,7 @@ def expect_no_shear(trial: ServerTrial, images: Registered) -> None:
     trial.expect_within_budgets()
 
 
-@check("ACC-4", observable=REGISTERED, needs=SCENE)
+@check("ACC-4", observable=REGISTERED, on={SERVER: SCENE})
 def check_translations_are_exact(trial: ServerTrial) -> None:
     """t = −Rᵀ·c of the view, for cameras up to 1,000 units from the origin."""
     expect_translations(trial, registered(trial, 1e3, 3, 500))
@@ -288,13 +288,13 @@ def expect_translations(trial: ServerTrial, images: Registered) -> None:
     trial.expect_within_budgets()
 
 
-@check("ACC-5", observable=REGISTERED, needs=SCENE)
+@check("ACC-5", observable=REGISTERED, on={SERVER: SCENE})
 def check_the_camera_is_where_it_was_put(trial: ServerTrial) -> None:
     """The camera's centre, as the image has it, up to 10,000 units from the origin."""
     expect_centres(trial, registered(trial, 1e4, 3, 500))
 
 
-@check("ACC-6", observable=REGISTERED, needs=SCENE)
+@check("ACC-6", observable=REGISTERED, on={SERVER: SCENE})
 def check_single_precision_is_rounded_once(trial: ServerTrial) -> None:
     """Cameras up to 100,000 units from the origin, where each digit that was lost is seen."""
     expect_centres(trial, registered(trial, 1e5, 3, 500))

@@ -5,7 +5,7 @@ harness plays a server of 1.0.
 """
 
 from splatbus_conformance.cases.malformed.init_packets import ABSENT, changed
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_0.cud.clients import LAYOUTS, image_of, show
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage
 from splatbus_conformance.images.painted import Painting
@@ -48,7 +48,7 @@ def expect_shown(trial: ClientTrial, image: DeviceImage) -> None:
 @check(
     "BUF-11",
     observable="digests of what the client shows while the event is pending, and afterwards",
-    needs=READS,
+    on={CLIENT: READS},
 )
 def check_shows_no_image_before_its_event(trial: ClientTrial) -> None:
     """The event is pending for a third of a second, and meanwhile the memory holds what is no
@@ -78,7 +78,7 @@ def check_shows_no_image_before_its_event(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check("INI-8", observable="digests of what the client shows", needs=READS)
+@check("INI-8", observable="digests of what the client shows", on={CLIENT: READS})
 def check_shows_what_the_packet_names(trial: ClientTrial) -> None:
     """Offsets absent and present, planes in one allocation or two, sizes at both ends of their
     range.
@@ -96,7 +96,9 @@ def check_shows_what_the_packet_names(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check("CHN-24", observable="digests of what the client shows after a reconnect", needs=READS)
+@check(
+    "CHN-24", observable="digests of what the client shows after a reconnect", on={CLIENT: READS}
+)
 def check_shows_the_new_memory(trial: ClientTrial) -> None:
     """The server comes back with memory of another size; that of before is still there."""
     with image_of(trial) as old, image_of(trial, 31, 17) as new:
@@ -118,7 +120,7 @@ def check_shows_the_new_memory(trial: ClientTrial) -> None:
 @check(
     "CUD-6",
     observable="whether an image is shown whose device is not there",
-    needs=READS,
+    on={CLIENT: READS},
     may_crash=True,
 )
 def check_opens_nothing_on_another_device(trial: ClientTrial) -> None:

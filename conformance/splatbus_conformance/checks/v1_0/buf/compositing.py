@@ -17,7 +17,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.init_packets import changed
 from splatbus_conformance.cases.valid.init_packets import SEMANTICS
 from splatbus_conformance.cases.valid.poses import steering
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_0.buf.hard_pixels import MARGIN, PLANE, any_image, around, edged
 from splatbus_conformance.images.painted import Painting
 from splatbus_conformance.oracle import composite, to_single, ulps
@@ -131,7 +131,7 @@ def judge_unchanged(
                 trial.violated(code, f"{told}: it shows {colour}, not {BACKGROUND}")
 
 
-@check("BUF-8", observable=OBSERVABLE, needs=COMPOSES)
+@check("BUF-8", observable=OBSERVABLE, on={CLIENT: COMPOSES})
 def check_shows_its_geometry_where_the_image_is_empty(trial: ClientTrial) -> None:
     """Pixels of depth +∞ with every alpha, and of alpha 0 before the plane, by either alpha."""
     for announced, lender in lent_by_alpha(trial):
@@ -147,7 +147,7 @@ def check_shows_its_geometry_where_the_image_is_empty(trial: ClientTrial) -> Non
             judge_unchanged(trial, lender, image, "transparent-pixel-shown", "a pixel of alpha 0")
 
 
-@check("BUF-9", observable=OBSERVABLE, needs=COMPOSES)
+@check("BUF-9", observable=OBSERVABLE, on={CLIENT: COMPOSES})
 def check_takes_no_odd_depth_for_a_surface(trial: ClientTrial) -> None:
     """Opaque pixels whose depth is NaN, zero or negative."""
     for _, lender in lent_by_alpha(trial):
@@ -159,7 +159,7 @@ def check_takes_no_odd_depth_for_a_surface(trial: ClientTrial) -> None:
 @check(
     "MEM-13",
     observable="pixels of an image that differs from row to row, told by the adapter",
-    needs=("hello:ipc", "capability:frames", "opens", "adapter:digest", "adapter:pixels"),
+    on={CLIENT: ("hello:ipc", "capability:frames", "opens", "adapter:digest", "adapter:pixels")},
 )
 def check_shows_rows_from_the_bottom_up(trial: ClientTrial) -> None:
     """An image that grows green downwards and red to the right."""
@@ -189,7 +189,7 @@ def _is(colour: list[float], other: NDArray[Any]) -> bool:
     return math.dist(map(float, colour), other.tolist()) <= EVIDENT
 
 
-@check("MEM-13", observable=OBSERVABLE, needs=COMPOSES)
+@check("MEM-13", observable=OBSERVABLE, on={CLIENT: COMPOSES})
 def check_shows_images_by_their_semantics(trial: ClientTrial) -> None:
     """Images whose init packet announces another alpha, colour space, kind or empty value of depth;
     a client that declines one of them conforms.
@@ -318,7 +318,7 @@ def _judge_what_was_understood(trial: ClientTrial, offered: Json, changes: Json)
         )
 
 
-@check("ACC-10", observable=OBSERVABLE, needs=COMPOSES)
+@check("ACC-10", observable=OBSERVABLE, on={CLIENT: COMPOSES})
 def check_composes_within_three_ulp(trial: ClientTrial) -> None:
     """Images of every colour and alpha, straight and premultiplied, before and behind planes of
     every colour; then images of one colour and all that lie a few ULP from it, which climb towards

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.known_scene import COLOR_BUDGET, render
 from splatbus_conformance.trials.moves.frame_capture import AT_REST, FrameCapture
@@ -72,7 +72,11 @@ def resized(trial: ServerTrial, camera: Pose) -> list[CapturedFrame]:
 # What is stored
 
 
-@check("BUF-2", observable="whether the numbers make sense byte by byte in reverse", needs=PIXELS)
+@check(
+    "BUF-2",
+    observable="whether the numbers make sense byte by byte in reverse",
+    on={SERVER: PIXELS},
+)
 def check_numbers_are_little_endian(trial: ServerTrial) -> None:
     """Colours that are from 0 to 1 only if their bytes are read from the other end."""
     for image in scanned(trial):
@@ -84,7 +88,7 @@ def check_numbers_are_little_endian(trial: ServerTrial) -> None:
         )
 
 
-@check("BUF-3", observable="every colour of some images", needs=PIXELS)
+@check("BUF-3", observable="every colour of some images", on={SERVER: PIXELS})
 def check_colours_are_from_0_to_1(trial: ServerTrial) -> None:
     """Every number of every pixel, of images from around the first view."""
     for image in scanned(trial):
@@ -100,7 +104,7 @@ def check_colours_are_from_0_to_1(trial: ServerTrial) -> None:
             )
 
 
-@check("BUF-5", observable="alpha where something is seen", needs=PIXELS)
+@check("BUF-5", observable="alpha where something is seen", on={SERVER: PIXELS})
 def check_alpha_is_1_where_there_is_none(trial: ServerTrial) -> None:
     """Alpha that is the same everywhere, whatever is seen, was not rendered: then it is 1."""
     images = list(scanned(trial))
@@ -113,7 +117,9 @@ def check_alpha_is_1_where_there_is_none(trial: ServerTrial) -> None:
         )
 
 
-@check("BUF-7", observable="depths where alpha is 0, and those that are no depth", needs=PIXELS)
+@check(
+    "BUF-7", observable="depths where alpha is 0, and those that are no depth", on={SERVER: PIXELS}
+)
 def check_empty_pixels_are_infinitely_far(trial: ServerTrial) -> None:
     """Every depth is one of a surface, or +∞, 100.0 or what the init packet announces."""
     transparent = 0
@@ -138,7 +144,7 @@ def check_empty_pixels_are_infinitely_far(trial: ServerTrial) -> None:
         trial.not_observable("no pixel of these images is transparent")
 
 
-@check("ACC-9", observable="depths where alpha is less than 1/255", needs=PIXELS)
+@check("ACC-9", observable="depths where alpha is less than 1/255", on={SERVER: PIXELS})
 def check_transparent_pixels_are_empty(trial: ServerTrial) -> None:
     """A pixel whose alpha is less than 1/255 holds no surface."""
     transparent = 0
@@ -182,7 +188,9 @@ def _sentinel(image: CapturedFrame, clear: Mask) -> float | None:
 
 
 @check(
-    "IMG-4", observable="the bytes of an image that is held, while others are made", needs=PIXELS
+    "IMG-4",
+    observable="the bytes of an image that is held, while others are made",
+    on={SERVER: PIXELS},
 )
 def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
     """An image is held while the camera moves on and the ring goes round, more than once."""
@@ -214,7 +222,9 @@ def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
         trial.not_observable("while an image is held, the server publishes too few others")
 
 
-@check("IMG-6", observable="the bytes of an image when its frame comes, and later", needs=PIXELS)
+@check(
+    "IMG-6", observable="the bytes of an image when its frame comes, and later", on={SERVER: PIXELS}
+)
 def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
     """An image is read the moment that its frame comes, and again while the camera rests."""
     first, rng = first_view(trial, 0.0), random.Random(trial.seed)
@@ -234,7 +244,9 @@ def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
 
 
 @check(
-    "IMG-5", observable="images of a camera that moves, against those of it at rest", needs=PIXELS
+    "IMG-5",
+    observable="images of a camera that moves, against those of it at rest",
+    on={SERVER: PIXELS},
 )
 def check_colour_and_depth_are_of_one_moment(trial: ServerTrial) -> None:
     """The camera moves all the time; then it goes back to where each image says it was."""
@@ -259,7 +271,9 @@ ONE_TOO_LATE = 4
 """In this turn depth is asked for once the image was given back, and nobody else wants colour."""
 
 
-@check("IMG-20", observable="the channels that were asked for, of every frame", needs=SUBSCRIBES)
+@check(
+    "IMG-20", observable="the channels that were asked for, of every frame", on={SERVER: SUBSCRIBES}
+)
 def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
     """Colour and depth are asked for in turns, while an image is held and the camera moves; and the
     other one once it was given back, which comes too late for the next. There is an image by then

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.captured import LEGACY_EMPTY
 from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.images.memory.reading import MOST_PIXELS, Pixels
@@ -117,7 +117,9 @@ def first_of(wrong: NDArray[np.bool_], pixels: Pixels) -> str:
     return f"{wrong.sum()} of {wrong.size}, {pixels[wrong][0]} at row {row}, column {column}"
 
 
-@check("BUF-2", observable="whether the numbers make sense byte by byte in reverse", needs=SHOWN)
+@check(
+    "BUF-2", observable="whether the numbers make sense byte by byte in reverse", on={SERVER: SHOWN}
+)
 def check_numbers_in_device_memory_are_little_endian(trial: ServerTrial) -> None:
     """Colours that are from 0 to 1 only if their bytes are read from the other end."""
     for color, _ in stored(trial):
@@ -135,7 +137,7 @@ def sensible(color: Pixels) -> float:
         return float(((numbers >= SMALLEST) & (numbers <= 1.0)).mean()) if numbers.size else 1.0
 
 
-@check("BUF-3", observable="every colour of some images", needs=SHOWN)
+@check("BUF-3", observable="every colour of some images", on={SERVER: SHOWN})
 def check_colours_in_device_memory_are_from_0_to_1(trial: ServerTrial) -> None:
     """Every number of every pixel."""
     for color, _ in stored(trial):
@@ -146,7 +148,7 @@ def check_colours_in_device_memory_are_from_0_to_1(trial: ServerTrial) -> None:
             )
 
 
-@check("BUF-5", observable="alpha where something is seen", needs=SHOWN)
+@check("BUF-5", observable="alpha where something is seen", on={SERVER: SHOWN})
 def check_alpha_in_device_memory_is_1_where_there_is_none(trial: ServerTrial) -> None:
     """Alpha that is the same everywhere in all images was not rendered: then it is 1."""
     images = stored(trial)
@@ -161,7 +163,9 @@ def check_alpha_in_device_memory_is_1_where_there_is_none(trial: ServerTrial) ->
         )
 
 
-@check("BUF-7", observable="depths that are no depth, and those where alpha is 0", needs=SHOWN)
+@check(
+    "BUF-7", observable="depths that are no depth, and those where alpha is 0", on={SERVER: SHOWN}
+)
 def check_depths_in_device_memory_are_positive(trial: ServerTrial) -> None:
     """Every depth is positive or +∞. That pixels without alpha are empty is told only of servers
     that speak 1.1, since colour and depth of 1.0 may be of different images.

@@ -5,7 +5,7 @@ import time
 
 from splatbus_schemas import FRAMING, LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.returning import PROBES
@@ -42,7 +42,9 @@ def closing(trial: ClientTrial, connection: Connection, seconds: float) -> str:
     return "closes" if closed else "hangs"
 
 
-@check("CHN-2", observable="the testee connects to ports that it cannot have guessed")
+@check(
+    "CHN-2", on={CLIENT: ()}, observable="the testee connects to ports that it cannot have guessed"
+)
 def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
     """The harness listens on ports other than the usual ones, and names them to the testee; for a
     channel that it was never seen on, the usual port is listened on too.
@@ -72,7 +74,9 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
 
 
 @check(
-    "CHN-3", observable="the testee comes to both channels, and goes on there", needs=BOTH_RETURN
+    "CHN-3",
+    observable="the testee comes to both channels, and goes on there",
+    on={CLIENT: BOTH_RETURN},
 )
 def check_either_channel_first(trial: ClientTrial) -> None:
     """One channel accepts before the other, each way round: which refuses until then, or leaves
@@ -116,7 +120,9 @@ def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
 
 
 @check(
-    "CHN-9", observable="the IPC connection stays open while no init packet comes", needs=("ipc",)
+    "CHN-9",
+    observable="the IPC connection stays open while no init packet comes",
+    on={CLIENT: ("ipc",)},
 )
 def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     """No init packet for 5.5 seconds (12 in the full profile, 1.5 in the brief one). A connection
@@ -151,7 +157,7 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
 @check(
     "CHN-10",
     observable="the IPC connection stays open after the testee opened the memory",
-    needs=("hello:ipc",),
+    on={CLIENT: ("hello:ipc",)},
 )
 def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
     """The testee has opened the memory and reads; its connection is watched for half a second."""
@@ -169,7 +175,7 @@ def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
 @check(
     "CHN-15",
     observable="the testee closes the message connection when no reply comes",
-    needs=("asks",),
+    on={CLIENT: ("asks",)},
     profile="quick",
 )
 def check_gives_up_a_reply(trial: ClientTrial) -> None:
@@ -186,7 +192,11 @@ def check_gives_up_a_reply(trial: ClientTrial) -> None:
     trial.delivered += 1
 
 
-@check("CHN-17", observable="the testee ends its stream after the harness ended the other")
+@check(
+    "CHN-17",
+    on={CLIENT: ()},
+    observable="the testee ends its stream after the harness ended the other",
+)
 def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
     """The harness ends its stream and keeps the connection, on each channel: while the testee
     waits for nothing, and while it waits for a welcome, an init packet or a reply.
@@ -225,6 +235,7 @@ def _says_what_it_says(trial: ClientTrial, connection: Connection, *, replied: b
 
 @check(
     "CHN-19",
+    on={CLIENT: ()},
     observable="the process is alive and connects again, waits, or ended by its own decision",
     may_crash=True,
 )
@@ -254,7 +265,7 @@ def _comes_and_is_reset(trial: ClientTrial, channel: Channel) -> bool:
     return connection is not None
 
 
-@check("CHN-20", observable="the testee makes a new connection")
+@check("CHN-20", on={CLIENT: ()}, observable="the testee makes a new connection")
 def check_connects_again(trial: ClientTrial) -> None:
     """Each channel is closed, then reset; the testee is given 11 seconds to come back. To come as
     late as that is another matter (CHN-22).
@@ -274,7 +285,9 @@ def check_connects_again(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check("CHN-23", observable="the other channel's connection stays open", needs=("ipc", "msg"))
+@check(
+    "CHN-23", observable="the other channel's connection stays open", on={CLIENT: ("ipc", "msg")}
+)
 def check_keeps_the_other_channel(trial: ClientTrial) -> None:
     """One channel is closed, or reset, and comes back while the other is watched. Of a testee that
     does not come back there, it shows that it has noticed that the stream ends.
@@ -308,7 +321,7 @@ def check_keeps_the_other_channel(trial: ClientTrial) -> None:
 @check(
     "CHN-24",
     observable="the testee opens the memory of the new init packet",
-    needs=("hello:ipc", "reconnects:ipc"),
+    on={CLIENT: ("hello:ipc", "reconnects:ipc")},
 )
 def check_uses_the_new_memory(trial: ClientTrial) -> None:
     """The connection is closed, and reset; the server comes back with memory of another size."""

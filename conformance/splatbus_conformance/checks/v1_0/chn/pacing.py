@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.init_packets import changed
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.returning import PROBES
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
@@ -133,7 +133,9 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
         trial.reassure(channel)
 
 
-@check("CHN-21", observable="the time between the connections that the testee makes")
+@check(
+    "CHN-21", on={CLIENT: ()}, observable="the time between the connections that the testee makes"
+)
 def check_paces_its_attempts(trial: ClientTrial) -> None:
     """Connections are closed, reset, half-closed, and sent a length on which the testee closes
     them, each way twice, on each channel; in 1.1, an `error` comes in place of `welcome`, twice.
@@ -153,7 +155,7 @@ def way_of_losing(how: str) -> str:
 @check(
     "CHN-21",
     observable="the time between the connections that the testee makes",
-    needs=("reconnects:ipc",),
+    on={CLIENT: ("reconnects:ipc",)},
 )
 def check_paces_attempts_without_images(trial: ClientTrial) -> None:
     """Every connection is sent an init packet of memory that cannot be opened. A testee that closes
@@ -198,7 +200,9 @@ def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -
 
 
 @check(
-    "CHN-21", observable="how soon after the harness listens again the testee connects, each time"
+    "CHN-21",
+    on={CLIENT: ()},
+    observable="how soon after the harness listens again the testee connects, each time",
 )
 def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
     """The channels refuse for a while, of another length each time, then accept; a testee that is
@@ -231,6 +235,7 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
 
 @check(
     "CHN-21",
+    on={CLIENT: ()},
     observable="the time between the connections that follow when the harness listens again",
     profile="quick",
 )
@@ -282,7 +287,7 @@ def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
 @check(
     "NEG-24",
     observable="how soon after an error the testee connects again",
-    needs=("hello:ipc", "reconnects:ipc"),
+    on={CLIENT: ("hello:ipc", "reconnects:ipc")},
 )
 def check_pauses_after_errors(trial: ClientTrial) -> None:
     """An `error` in place of `welcome`, twice in a row, with codes that close and others.
@@ -295,7 +300,7 @@ def check_pauses_after_errors(trial: ClientTrial) -> None:
 @check(
     "NEG-24",
     observable="how soon after an error the testee connects again",
-    needs=("hello:msg", "reconnects:msg"),
+    on={CLIENT: ("hello:msg", "reconnects:msg")},
 )
 def check_pauses_after_errors_on_the_message_channel(trial: ClientTrial) -> None:
     """An `error` in place of `welcome`, as on the other channel."""
@@ -328,7 +333,9 @@ def _pauses_after_errors(trial: ClientTrial, channel: Channel) -> None:
         trial.reassure(channel)
 
 
-@check("CHN-22", observable="how long after it could connect again the testee does")
+@check(
+    "CHN-22", on={CLIENT: ()}, observable="how long after it could connect again the testee does"
+)
 def check_comes_back_soon(trial: ClientTrial) -> None:
     """Connections are refused until a pause that doubles each time would be too long (for a second
     in the brief profile), then accepted; and lost, in 1.1 by an `error`.

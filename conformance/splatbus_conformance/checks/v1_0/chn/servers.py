@@ -7,7 +7,7 @@ import time
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.text import broken_texts
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_0.req.servers import every_request
 from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import (
@@ -50,7 +50,11 @@ HELLO = ("hello", encode(hello([*CAPABILITIES["ipc"]], None)))
 """One more, to who speaks 1.0 alone."""
 
 
-@check("CHN-1", observable="both ports accept connections, and the message channel answers")
+@check(
+    "CHN-1",
+    on={SERVER: ()},
+    observable="both ports accept connections, and the message channel answers",
+)
 def check_offers_both_channels(trial: ServerTrial) -> None:
     """A connection to each channel, the one beside the other."""
     for channel in CHANNELS:
@@ -64,7 +68,7 @@ def check_offers_both_channels(trial: ServerTrial) -> None:
     trial.expect(not ipc.ended, "closes", "the IPC connection was ended")
 
 
-@check("CHN-4", observable="every IPC connection is sent an init packet", needs=("cuda",))
+@check("CHN-4", observable="every IPC connection is sent an init packet", on={SERVER: ("cuda",)})
 def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
     """Client after client, on the IPC channel, which say nothing."""
     for number in range(1, 6):
@@ -81,6 +85,7 @@ def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
 
 @check(
     "CHN-7",
+    on={SERVER: ()},
     observable="the IPC connection stays open, and says welcome to the hello that follows",
     may_crash=True,
 )
@@ -103,6 +108,7 @@ def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
 
 @check(
     "CHN-7",
+    on={SERVER: ()},
     observable="the IPC connection stays open for as long as one on which nothing is said",
     profile="full",
 )
@@ -121,7 +127,11 @@ def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
     trial.delivered += 1
 
 
-@check("CHN-12", observable="a client on each channel is served while the other is there")
+@check(
+    "CHN-12",
+    on={SERVER: ()},
+    observable="a client on each channel is served while the other is there",
+)
 def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
     """Either channel first; then requests, and frames where there are any."""
     _expect_both_served(trial, "ipc", "msg")
@@ -145,7 +155,11 @@ def _expect_both_served(trial: ServerTrial, first: Channel, second: Channel) -> 
         trial.expect(not connection.ended, "closes", f"the {channel} connection was ended {what}")
 
 
-@check("CHN-13", observable="each further connection is answered, or it or another is closed")
+@check(
+    "CHN-13",
+    on={SERVER: ()},
+    observable="each further connection is answered, or it or another is closed",
+)
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """A hundred clients on the message channel, which ask at once, and none of which goes."""
     numbers = list(trial.each(range(1, FURTHER + 1)))
@@ -167,7 +181,9 @@ def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
 
 
 @check(
-    "CHN-13", observable="each further connection hears something, or it is closed", needs=("1.1",)
+    "CHN-13",
+    observable="each further connection hears something, or it is closed",
+    on={SERVER: ("1.1",)},
 )
 def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """A hundred clients on the IPC channel, which say hello, and none of which goes."""
@@ -205,7 +221,11 @@ def _crowded(trial: ServerTrial) -> tuple[Connection, list[Connection]]:
     return asking, silent
 
 
-@check("CHN-25", observable="which client of a full channel is closed for a further one")
+@check(
+    "CHN-25",
+    on={SERVER: ()},
+    observable="which client of a full channel is closed for a further one",
+)
 def check_keeps_who_has_spoken(trial: ServerTrial) -> None:
     """One client has been answered; others come that say nothing, and none of which goes."""
     for _ in range(TRIES):
@@ -226,6 +246,7 @@ def check_keeps_who_has_spoken(trial: ServerTrial) -> None:
 
 @check(
     "CHN-14",
+    on={SERVER: ()},
     observable="another client is answered and sees a new image; the next client is served",
     may_crash=True,
 )
@@ -238,6 +259,7 @@ def check_others_are_served_whatever_one_does(trial: ServerTrial) -> None:
 
 @check(
     "CHN-14",
+    on={SERVER: ()},
     observable="another client is answered and sees a new image; the next client is served",
     may_crash=True,
 )
@@ -251,6 +273,7 @@ def check_others_are_served_whatever_one_does_on_ipc(trial: ServerTrial) -> None
 
 @check(
     "CHN-14",
+    on={SERVER: ()},
     observable="a client that was there is answered; after the crowd has gone, so is the next",
     may_crash=True,
 )
@@ -273,7 +296,7 @@ def check_a_crowd_does_no_harm(trial: ServerTrial) -> None:
         )
 
 
-@check("CHN-16", observable="every reply comes, and then the end of the stream")
+@check("CHN-16", on={SERVER: ()}, observable="every reply comes, and then the end of the stream")
 def check_answers_before_the_end(trial: ServerTrial) -> None:
     """Requests of every kind in one write, and then the client's end of stream: none, one, three,
     and two hundred; the same where one was answered before, and after `hello`.
@@ -292,7 +315,7 @@ def check_answers_before_the_end(trial: ServerTrial) -> None:
         _expect_answers(trial, connection, before, count, what)
 
 
-@check("CHN-16", observable="every reply comes, of more than TCP has room for")
+@check("CHN-16", on={SERVER: ()}, observable="every reply comes, of more than TCP has room for")
 def check_answers_all_that_waits_before_the_end(trial: ServerTrial) -> None:
     """Requests of which no reply is read, until some wait in the server; then the client's end of
     stream, inside a request where TCP takes no more, and it reads.

@@ -9,7 +9,7 @@ from functools import partial
 from typing import NamedTuple
 
 from splatbus_conformance.cases.valid.poses import Pose, poses, simpler
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.oracle import Engine, exact
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.pose_error import (
@@ -161,7 +161,7 @@ def judge_mapping(trial: ClientTrial, kind: Kind, quick: int, full: int) -> None
             trial.violated("another-pose", f"{COMMANDS[kind]} of {pose} became {came}: {reason}")
 
 
-@check("CNV-1", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+@check("CNV-1", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera")})
 def check_camera_poses_are_camera_to_world(trial: ClientTrial) -> None:
     """Camera poses in the engine's axes, near every edge of what is allowed."""
     judge_mapping(trial, "camera_pose", 40, 1000)
@@ -170,7 +170,7 @@ def check_camera_poses_are_camera_to_world(trial: ClientTrial) -> None:
 @check(
     "CNV-1",
     observable="the pose that the testee says by itself when it has come back",
-    needs=("msg", "adapter:send_camera", "returns:msg"),
+    on={CLIENT: ("msg", "adapter:send_camera", "returns:msg")},
 )
 def check_says_its_camera_again_as_it_was(trial: ClientTrial) -> None:
     """The message channel is lost after a pose was sent, and comes back; a camera that is said
@@ -182,7 +182,7 @@ def check_says_its_camera_again_as_it_was(trial: ClientTrial) -> None:
 @check(
     "CNV-2",
     observable="the pose of the splats that the testee says by itself when it has come back",
-    needs=("msg", "adapter:send_object", "returns:msg"),
+    on={CLIENT: ("msg", "adapter:send_object", "returns:msg")},
 )
 def check_says_its_object_again_as_it_was(trial: ClientTrial) -> None:
     """The same of the splats."""
@@ -217,13 +217,13 @@ def said_again(trial: ClientTrial, kind: Kind, *seconds: float) -> tuple[GivenPo
     return given, next((message for message in heard if _is_of(kind, message)), None)
 
 
-@check("CNV-2", observable=OBSERVABLE, needs=("msg", "adapter:send_object"))
+@check("CNV-2", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_object")})
 def check_object_poses_are_object_to_world(trial: ClientTrial) -> None:
     """Poses of the splats in the engine's axes, near every edge of what is allowed."""
     judge_mapping(trial, "point_cloud_pose", 40, 1000)
 
 
-@check("CNV-3", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+@check("CNV-3", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera")})
 def check_quaternions_are_hamilton_with_w_last(trial: ClientTrial) -> None:
     """Poses whose quaternion would be another with its members in another order or of other sign.
 
@@ -243,31 +243,31 @@ def judge_row(trial: ClientTrial) -> None:
         judge_mapping(trial, "point_cloud_pose", 30, 500)
 
 
-@check("CNV-4", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:unity"))
+@check("CNV-4", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera", "axes:unity")})
 def check_unity_s_row(trial: ClientTrial) -> None:
     """Poses of cameras and of the splats, from Unity's axes."""
     judge_row(trial)
 
 
-@check("CNV-5", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:unreal"))
+@check("CNV-5", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera", "axes:unreal")})
 def check_unreal_s_row(trial: ClientTrial) -> None:
     """Poses of cameras and of the splats, from Unreal's axes and centimetres."""
     judge_row(trial)
 
 
-@check("CNV-6", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:blender"))
+@check("CNV-6", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera", "axes:blender")})
 def check_blender_s_rows(trial: ClientTrial) -> None:
     """Poses of cameras by one row, and of the splats by the other, from Blender's axes."""
     judge_row(trial)
 
 
-@check("CNV-7", observable=OBSERVABLE, needs=("msg", "adapter:send_camera", "axes:opengl"))
+@check("CNV-7", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera", "axes:opengl")})
 def check_opengl_s_row(trial: ClientTrial) -> None:
     """Poses of cameras and of the splats, from OpenGL's axes, world and camera."""
     judge_row(trial)
 
 
-@check("ACC-1", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+@check("ACC-1", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera")})
 def check_numbers_keep_their_digits(trial: ClientTrial) -> None:
     """Poses of cameras, and of the splats where the adapter can send them, whose numbers need all
     their digits; what is lost is told in pixels too.
@@ -278,7 +278,7 @@ def check_numbers_keep_their_digits(trial: ClientTrial) -> None:
     judge_digits(trial, scaled=2.0, turned=2.0)
 
 
-@check("ACC-7", observable=OBSERVABLE, needs=("msg", "adapter:send_camera"))
+@check("ACC-7", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:send_camera")})
 def check_axes_change_exactly_on_the_way_out(trial: ClientTrial) -> None:
     """Poses of cameras, and of the splats where the adapter can send them, from the engine's axes
     to the wire's: positions exact, or within half an ULP where they are scaled; quaternions within

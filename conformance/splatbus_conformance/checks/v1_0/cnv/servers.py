@@ -9,7 +9,7 @@ import random
 import numpy as np
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import staged, turned_about
 from splatbus_conformance.images.pinhole import rigid
@@ -47,13 +47,13 @@ CAMERAS_ASKED = 8
 OPAQUE = 0.5
 
 
-@check("BUF-1", observable="which way up the images fit one another", needs=PIXELS)
+@check("BUF-1", observable="which way up the images fit one another", on={SERVER: PIXELS})
 def check_rows_are_bottom_up(trial: ServerTrial) -> None:
     """Images from around the first view: flipped or mirrored ones fit no camera as they lie."""
     judge_readings(trial, ROWS)
 
 
-@check("BUF-6", observable="by which depth the images fit one another", needs=PIXELS)
+@check("BUF-6", observable="by which depth the images fit one another", on={SERVER: PIXELS})
 def check_depth_is_planar(trial: ServerTrial) -> None:
     """Images from around the first view: what is no planar depth in scene units fits no other."""
     first = first_view(trial, 0.0)
@@ -69,7 +69,9 @@ def check_depth_is_planar(trial: ServerTrial) -> None:
     judge_readings(trial, DEPTHS, 1.0, 0.01, 100.0)
 
 
-@check("CNV-1", observable="the poses that frames name, and those that images fit", needs=PIXELS)
+@check(
+    "CNV-1", observable="the poses that frames name, and those that images fit", on={SERVER: PIXELS}
+)
 def check_poses_are_camera_to_world(trial: ServerTrial) -> None:
     """The camera of a frame, and of its image, is where and turned as the pose said."""
     _judge_names(trial, POSES)
@@ -78,7 +80,9 @@ def check_poses_are_camera_to_world(trial: ServerTrial) -> None:
 
 
 @check(
-    "CNV-3", observable="the rotations that frames and replies name, and images fit", needs=PIXELS
+    "CNV-3",
+    observable="the rotations that frames and replies name, and images fit",
+    on={SERVER: PIXELS},
 )
 def check_rotations_are_hamilton_with_w_last(trial: ServerTrial) -> None:
     """The rotation of a frame, of its image and of a reply has its scalar last, and its sign."""
@@ -87,13 +91,19 @@ def check_rotations_are_hamilton_with_w_last(trial: ServerTrial) -> None:
     _judge_reply(trial, QUATERNIONS)
 
 
-@check("IMG-5", observable="whether images follow the cameras that their frames name", needs=PIXELS)
+@check(
+    "IMG-5",
+    observable="whether images follow the cameras that their frames name",
+    on={SERVER: PIXELS},
+)
 def check_images_are_of_the_camera_that_is_named(trial: ServerTrial) -> None:
     """Images from around the first view fit the named cameras, not those before."""
     judge_readings(trial, MOMENTS)
 
 
-@check("POS-7", observable="the camera that frames name after many poses at once", needs=PIXELS)
+@check(
+    "POS-7", observable="the camera that frames name after many poses at once", on={SERVER: PIXELS}
+)
 def check_the_newest_camera_is_shown(trial: ServerTrial) -> None:
     """Several poses at once, of which the last has to be shown; far ones, too."""
     first, rng = first_view(trial, 0.0), random.Random(trial.seed)
@@ -111,7 +121,7 @@ def check_the_newest_camera_is_shown(trial: ServerTrial) -> None:
             )
 
 
-@check("POS-7", observable="how the images follow the pose of the Gaussians", needs=PIXELS)
+@check("POS-7", observable="how the images follow the pose of the Gaussians", on={SERVER: PIXELS})
 def check_the_newest_scene_is_shown(trial: ServerTrial) -> None:
     """The Gaussians are moved and turned, so that what is seen is what a camera would see that had
     moved instead; one does.
@@ -147,7 +157,7 @@ def check_the_newest_scene_is_shown(trial: ServerTrial) -> None:
     )
 
 
-@check("POS-13", observable="whether an identity pose changes the first image", needs=PIXELS)
+@check("POS-13", observable="whether an identity pose changes the first image", on={SERVER: PIXELS})
 def check_the_scene_is_at_rest_at_first(trial: ServerTrial) -> None:
     """From where the first image was seen, with the identity as the pose of the Gaussians."""
     if not trial.testee.expendable:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from splatbus_conformance.cases.malformed.init_packets import ABSENT, changed
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.images.memory.cuda_stand_in import usage
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
@@ -61,7 +61,7 @@ def reads(trial: ClientTrial, image: DeviceImage) -> bool:
     return trial.uses(lambda: image.is_read_whole(trial.calls()))
 
 
-@check("BUF-11", observable="the calls that copy, and those that wait", needs=RETURNS)
+@check("BUF-11", observable="the calls that copy, and those that wait", on={CLIENT: RETURNS})
 def check_waits_for_the_event(trial: ClientTrial) -> None:
     """The event of the image is pending for a third of a second, and the memory is poison until it
     is done; before each copy of the same bytes the stream, or the host, must wait.
@@ -86,7 +86,7 @@ def check_waits_for_the_event(trial: ClientTrial) -> None:
         trial.delivered += 1
 
 
-@check("CUD-2", observable="the calls that open handles", needs=RETURNS)
+@check("CUD-2", observable="the calls that open handles", on={CLIENT: RETURNS})
 def check_opens_each_handle_once(trial: ClientTrial) -> None:
     """Colour and depth in one allocation, then in two, then in one again on a new connection, and
     in one where depth comes first.
@@ -104,7 +104,7 @@ def check_opens_each_handle_once(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check("CUD-5", observable="the calls that close and destroy", needs=RETURNS)
+@check("CUD-5", observable="the calls that close and destroy", on={CLIENT: RETURNS})
 def check_gives_memory_back(trial: ClientTrial) -> None:
     """The connection is closed, then reset, while the testee reads; it is given 5 seconds."""
     for end in ("close", "reset"):
@@ -136,7 +136,7 @@ def held(trial: ClientTrial, image: DeviceImage) -> list[str]:
     return [words[name] for _, name in usage.held(trial.calls()) if name in words]
 
 
-@check("CUD-6", observable="the current device when handles are opened", needs=RETURNS)
+@check("CUD-6", observable="the current device when handles are opened", on={CLIENT: RETURNS})
 def check_opens_on_the_device_named(trial: ClientTrial) -> None:
     """`meta.device` is 1, then absent, then 0; there are two devices."""
     for named, device in ((1, 1), (ABSENT, 0), (0, 0)):
@@ -160,7 +160,7 @@ def _opens(call: Call, image: DeviceImage) -> bool:
     return event or bool(call.opened and call.memory in image.names)
 
 
-@check("CHN-10", observable="the IPC connection, and the calls that copy", needs=RETURNS)
+@check("CHN-10", observable="the IPC connection, and the calls that copy", on={CLIENT: RETURNS})
 def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
     """The testee reads; its connection is watched for half a second, and until it reads again."""
     with image_of(trial) as image:
@@ -177,7 +177,9 @@ def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
         trial.delivered += 1
 
 
-@check("CHN-18", observable="the calls that copy, after the connection has ended", needs=RETURNS)
+@check(
+    "CHN-18", observable="the calls that copy, after the connection has ended", on={CLIENT: RETURNS}
+)
 def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
     """The connection is closed while the testee reads, and no further init packet comes; whoever
     has not given the memory back after 5 seconds must at least have stopped to read it.
@@ -197,7 +199,7 @@ def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
         trial.delivered += 1
 
 
-@check("CHN-24", observable="what is copied after a new connection", needs=RETURNS)
+@check("CHN-24", observable="what is copied after a new connection", on={CLIENT: RETURNS})
 def check_reads_the_new_memory(trial: ClientTrial) -> None:
     """The server comes back with memory of another size; that of before is there, and must not be
     read any more.
@@ -227,7 +229,7 @@ LAYOUTS = (
 )
 
 
-@check("INI-8", observable="the bytes that the testee copies", needs=RETURNS)
+@check("INI-8", observable="the bytes that the testee copies", on={CLIENT: RETURNS})
 def check_reads_what_the_packet_names(trial: ClientTrial) -> None:
     """Offsets absent and present, planes in one allocation or two, sizes at both ends of their
     range; the colour must be copied from where it lies, whole.

@@ -6,7 +6,7 @@ The stand-in CUDA runtime tells what the server called; the harness plays client
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.memory.cuda_stand_in import publishing
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
 from splatbus_conformance.trials.server import ServerTrial
@@ -66,7 +66,9 @@ def watch(trial: ServerTrial) -> None:
         trial.rest(MOVE_SECONDS)
 
 
-@check("BUF-10", observable="the calls that write an image, and those that record", needs=SHOWN)
+@check(
+    "BUF-10", observable="the calls that write an image, and those that record", on={SERVER: SHOWN}
+)
 def check_records_the_event_after_the_image(trial: ServerTrial) -> None:
     """The camera is moved, and left alone. The last write to each plane must come to have a record
     behind it, on its stream or one that is ordered after it, within 5 seconds; and while images
@@ -115,7 +117,7 @@ def last_record(seen: list[publishing.Moment]) -> str:
     return f"its last record is {calls[-1]}" if calls else "it was never recorded"
 
 
-@check("CUD-1", observable="which bytes of the memory it shows the server uses", needs=SHOWN)
+@check("CUD-1", observable="which bytes of the memory it shows the server uses", on={SERVER: SHOWN})
 def check_exports_nothing_but_buffers(trial: ServerTrial) -> None:
     """Copies into and out of exported memory that are of no image; handles that were refused, as
     those of memory are that cudaMalloc did not make.
@@ -132,7 +134,7 @@ def check_exports_nothing_but_buffers(trial: ServerTrial) -> None:
     trial.delivered += 1
 
 
-@check("CUD-3", observable="the flags with which events are created", needs=SHOWN)
+@check("CUD-3", observable="the flags with which events are created", on={SERVER: SHOWN})
 def check_creates_the_event_with_its_flags(trial: ServerTrial) -> None:
     """Every event of which the server asked for a handle, whether or not it got one."""
     shown = announced(trial)
@@ -163,7 +165,7 @@ def refuse(trial: ServerTrial, function: str, what: str) -> None:
     trial.not_observable("its handles are none of the stand-in")
 
 
-@check("CUD-4", observable="the calls that free, while a connection is open", needs=SHOWN)
+@check("CUD-4", observable="the calls that free, while a connection is open", on={SERVER: SHOWN})
 def check_keeps_memory_while_a_connection_is_open(trial: ServerTrial) -> None:
     """One client stays on the IPC channel. Others come and go beside it, on both channels: close,
     are reset, ask, pose, leave a packet unfinished.

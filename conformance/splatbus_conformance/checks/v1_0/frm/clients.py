@@ -2,7 +2,7 @@
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.chn.clients import closing
 from splatbus_conformance.checks.v1_0.frm.pieces import APART_SECONDS
 from splatbus_conformance.trials.client import ClientTrial
@@ -17,7 +17,7 @@ from splatbus_conformance.wire.sockets import Connection
 @check(
     "FRM-5",
     observable="the testee closes a connection on which a packet stays incomplete",
-    needs=("ipc",),
+    on={CLIENT: ("ipc",)},
     profile="full",
 )
 def check_incomplete_packet_is_given_up(trial: ClientTrial) -> None:
@@ -54,7 +54,7 @@ def inside(case: tuple[int, str]) -> tuple[bool, str]:
 @check(
     "FRM-6",
     observable="after half an init packet and a new connection, the testee opens a whole one",
-    needs=(*OPENS_HOST_MEMORY, "reconnects:ipc"),
+    on={CLIENT: (*OPENS_HOST_MEMORY, "reconnects:ipc")},
     may_crash=True,
 )
 def check_half_packet_is_discarded(trial: ClientTrial) -> None:
@@ -79,7 +79,7 @@ def check_half_packet_is_discarded(trial: ClientTrial) -> None:
 @check(
     "FRM-6",
     observable="after half a reply and a new connection, the testee takes whole ones",
-    needs=("asks", "reconnects:msg"),
+    on={CLIENT: ("asks", "reconnects:msg")},
     may_crash=True,
 )
 def check_half_reply_is_discarded(trial: ClientTrial) -> None:

@@ -2,7 +2,7 @@
 
 import itertools
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.checks.v1_0.frm.headers import MOST
 from splatbus_conformance.checks.v1_0.frm.pieces import Cuts, send_cut
 from splatbus_conformance.checks.v1_0.frm.servers import REQUEST
@@ -16,7 +16,7 @@ from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS
 
 
-@check("FRM-4", observable="the server answers a request of the greatest length")
+@check("FRM-4", on={SERVER: ()}, observable="the server answers a request of the greatest length")
 def check_the_longest_packet(trial: ServerTrial) -> None:
     """A request made as long as a payload may be by white space, or by a member that nobody knows:
     whole, in two pieces, and joined with the next; before hello, and after it.
@@ -42,7 +42,7 @@ def check_the_longest_packet(trial: ServerTrial) -> None:
 @check(
     "FRM-4",
     observable="the server answers a hello of the greatest length",
-    needs=("1.1",),
+    on={SERVER: ("1.1",)},
     cases=Cases(CHANNELS),
 )
 def check_the_longest_hello(trial: ServerTrial, channel: Channel) -> None:
@@ -59,7 +59,7 @@ def check_the_longest_hello(trial: ServerTrial, channel: Channel) -> None:
     connection.close()
 
 
-@check("FRM-4", observable="a frame shows a pose of the greatest length", needs=("frames",))
+@check("FRM-4", observable="a frame shows a pose of the greatest length", on={SERVER: ("frames",)})
 def check_the_longest_pose(trial: ServerTrial) -> None:
     """The same of poses, of a client of 1.0 and of one of 1.1."""
     steering = CameraControl(trial)

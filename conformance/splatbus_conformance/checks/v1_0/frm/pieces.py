@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.cases.shrinking import without_one
 from splatbus_conformance.cases.valid.spelling import spell_in_utf_8
 from splatbus_conformance.checks import (
+    CLIENT,
     CLIENT_IPC,
     CLIENT_MSG,
     DECLARES_HOST_MEMORY,
@@ -137,7 +138,7 @@ def check_any_segmentation(trial: ClientTrial | ServerTrial, channel: Channel, c
 @check(
     "FRM-4",
     observable="the testee obeys NEG-16 on a welcome that arrived in pieces",
-    needs=("hello:msg", "returns:msg"),
+    on={CLIENT: ("hello:msg", "returns:msg")},
 )
 def check_any_segmentation_of_welcome(trial: ClientTrial) -> None:
     """A welcome with a version that nobody listed, on which the testee must close the connection,

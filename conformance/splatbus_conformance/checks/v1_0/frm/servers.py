@@ -5,7 +5,7 @@ from operator import itemgetter
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
+from splatbus_conformance.checks import SERVER, SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.exchanges.exchange import with_a_server
 from splatbus_conformance.trials.moves.resizing import other_sizes, resizing
@@ -28,6 +28,7 @@ DRIP_SECONDS = 3.0
 
 @check(
     "FRM-5",
+    on={SERVER: ()},
     observable="the server closes connections on which a packet stays incomplete",
     profile="full",
 )
@@ -60,7 +61,7 @@ def check_incomplete_packet_is_given_up(trial: ServerTrial) -> None:
 @check(
     "FRM-5",
     observable="the server closes the connection on which a packet stays incomplete",
-    needs=("1.1", "capability:viewport"),
+    on={SERVER: ("1.1", "capability:viewport")},
     profile="full",
 )
 def check_incomplete_packet_behind_another_size(trial: ServerTrial) -> None:
@@ -121,6 +122,7 @@ def check_half_packet_is_discarded(
 
 @check(
     "FRM-6",
+    on={SERVER: ()},
     observable="the server answers what came whole, and nothing else, before it closes",
     may_crash=True,
 )

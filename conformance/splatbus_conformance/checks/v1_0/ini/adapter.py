@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.cases.malformed.init_packets import ROOM, changed
 from splatbus_conformance.cases.rings import GAP, MOST_GAPS, ORDERS, Arrangement
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_1.img.adapter import READS, described, parts
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.painted import coordinates
@@ -34,7 +34,7 @@ RINGS = st.tuples(
 )
 
 
-@check("INI-8", observable="digests of what the client shows", needs=(*READS, "returns:ipc"))
+@check("INI-8", observable="digests of what the client shows", on={CLIENT: (*READS, "returns:ipc")})
 def check_shows_what_any_ring_holds(trial: ClientTrial) -> None:
     """Rings of every order and spacing, of odd sizes, one after the other; the packets have the
     offsets of 1.0 too, which have no meaning there. In each, every slot is lent once.
@@ -57,7 +57,9 @@ def check_shows_what_any_ring_holds(trial: ClientTrial) -> None:
                 _judge(trial, lender, f"of {ring}")
 
 
-@check("CHN-24", observable="digests of what the client shows", needs=(*READS, "returns:ipc"))
+@check(
+    "CHN-24", observable="digests of what the client shows", on={CLIENT: (*READS, "returns:ipc")}
+)
 def check_shows_the_memory_of_the_new_connection(trial: ClientTrial) -> None:
     """The connection is lost and comes back, and each time there is other memory, whose size and
     images are as before.

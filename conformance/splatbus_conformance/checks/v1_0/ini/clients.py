@@ -16,7 +16,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
     wrapping_in_32_bits,
 )
 from splatbus_conformance.cases.valid.init_packets import layouts, unusual_packets
-from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import CLIENT, DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
@@ -91,7 +91,7 @@ def outcome_of(
     return trial.outcome_on_ipc(connection, broken)
 
 
-@check("INI-8", observable="the testee answers opened", needs=DECLARES_HOST_MEMORY)
+@check("INI-8", observable="the testee answers opened", on={CLIENT: DECLARES_HOST_MEMORY})
 def check_accepts_good_init_packets(trial: ClientTrial) -> None:
     """Sizes at both ends of their range, rings of any order and spacing, optional members, the
     longest name; and on a connection of its own the last generation, which comes first there.
@@ -116,7 +116,7 @@ def check_accepts_good_init_packets(trial: ClientTrial) -> None:
 @check(
     "INI-9",
     observable="the testee does not answer opened, and opens the good memory that follows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_refuses_broken_init_packets(trial: ClientTrial) -> None:
@@ -129,7 +129,7 @@ def check_refuses_broken_init_packets(trial: ClientTrial) -> None:
 @check(
     "INI-10",
     observable="the testee does not answer opened, and opens the good memory that follows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_computes_in_64_bits(trial: ClientTrial) -> None:
@@ -148,7 +148,7 @@ def check_computes_in_64_bits(trial: ClientTrial) -> None:
 @check(
     "INI-11",
     observable="the testee keeps the connection and opens the memory that follows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_ignores_what_is_no_init_packet(trial: ClientTrial) -> None:
@@ -173,7 +173,7 @@ def check_ignores_what_is_no_init_packet(trial: ClientTrial) -> None:
 @check(
     "INI-12",
     observable="whether the testee answers opened, and whether it goes on",
-    needs=(*OPENS_HOST_MEMORY, "capability:reinit", "returns:ipc"),
+    on={CLIENT: (*OPENS_HOST_MEMORY, "capability:reinit", "returns:ipc")},
 )
 def check_takes_a_further_init_packet(trial: ClientTrial) -> None:
     """A second init packet with other memory, where the testee declares that it takes one."""
@@ -190,7 +190,7 @@ def check_takes_a_further_init_packet(trial: ClientTrial) -> None:
 @check(
     "INI-13",
     observable="the testee goes on, or connects again, after memory that is not there",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_goes_on_without_images(trial: ClientTrial) -> None:
@@ -210,7 +210,7 @@ def check_goes_on_without_images(trial: ClientTrial) -> None:
 @check(
     "INI-13",
     observable="the process lives, the IPC channel waits or returns, the message channel works",
-    needs=("ipc",),
+    on={CLIENT: ("ipc",)},
     may_crash=True,
 )
 def check_goes_on_without_a_device(trial: ClientTrial) -> None:

@@ -15,7 +15,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
     changed,
 )
 from splatbus_conformance.cases.malformed.text import broken_texts
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_0.frm.clients import ENDS, inside
 from splatbus_conformance.checks.v1_0.frm.pieces import (
     APART_SECONDS,
@@ -73,7 +73,7 @@ def judge_broken(
 @check(
     "INI-9",
     observable="whether the memory of a broken packet is opened, and that of a good one after it",
-    needs=OPENS,
+    on={CLIENT: OPENS},
     may_crash=True,
 )
 def check_opens_nothing_of_broken_packets(trial: ClientTrial) -> None:
@@ -99,7 +99,7 @@ def check_opens_nothing_of_broken_packets(trial: ClientTrial) -> None:
 @check(
     "INI-13",
     observable="the process lives, and opens the good memory that follows",
-    needs=OPENS,
+    on={CLIENT: OPENS},
     may_crash=True,
 )
 def check_goes_on_without_what_it_cannot_open(trial: ClientTrial) -> None:
@@ -127,7 +127,7 @@ def check_goes_on_without_what_it_cannot_open(trial: ClientTrial) -> None:
 @check(
     "JSN-8",
     observable="whether the memory is opened that such a text announces",
-    needs=OPENS,
+    on={CLIENT: OPENS},
     may_crash=True,
 )
 def check_opens_nothing_of_broken_text(trial: ClientTrial) -> None:
@@ -147,7 +147,7 @@ def check_opens_nothing_of_broken_text(trial: ClientTrial) -> None:
 @check(
     "JSN-9",
     observable="whether the memory is opened that the next packet announces",
-    needs=OPENS,
+    on={CLIENT: OPENS},
     may_crash=True,
 )
 def check_opens_what_follows_broken_text(trial: ClientTrial) -> None:
@@ -172,7 +172,7 @@ def check_opens_what_follows_broken_text(trial: ClientTrial) -> None:
 @check(
     "INI-11",
     observable="whether the memory is opened that an init packet announces after other objects",
-    needs=OPENS,
+    on={CLIENT: OPENS},
     may_crash=True,
 )
 def check_opens_what_follows_other_objects(trial: ClientTrial) -> None:
@@ -198,7 +198,7 @@ def check_opens_what_follows_other_objects(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check("FRM-4", observable="whether the memory of a packet in pieces is opened", needs=OPENS)
+@check("FRM-4", observable="whether the memory of a packet in pieces is opened", on={CLIENT: OPENS})
 def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
     """Init packets arrive byte by byte, cut in the header, inside characters of more than one byte,
     and anywhere, and joined to others.
@@ -218,7 +218,7 @@ def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
 @check(
     "FRM-6",
     observable="whether the memory of a whole packet is opened after half of another",
-    needs=(*OPENS, "reconnects:ipc"),
+    on={CLIENT: (*OPENS, "reconnects:ipc")},
     may_crash=True,
 )
 def check_opens_what_follows_half_a_packet(trial: ClientTrial) -> None:
@@ -252,7 +252,7 @@ def judge_writers(trial: ClientTrial, writers: Iterable[Writer]) -> None:
             trial.delivered += 1
 
 
-@check("JSN-6", observable="whether the memory is opened that is announced so", needs=OPENS)
+@check("JSN-6", observable="whether the memory is opened that is announced so", on={CLIENT: OPENS})
 def check_opens_any_spelling(trial: ClientTrial) -> None:
     """Init packets with members in any order, white space between all tokens, escapes in strings
     and names, numbers with fractions, exponents and many digits.
@@ -260,7 +260,7 @@ def check_opens_any_spelling(trial: ClientTrial) -> None:
     judge_writers(trial, map(odd_spelling, spellings(trial, quick=5, full=300)))
 
 
-@check("JSN-7", observable="whether the memory is opened that is announced so", needs=OPENS)
+@check("JSN-7", observable="whether the memory is opened that is announced so", on={CLIENT: OPENS})
 def check_opens_what_has_unknown_members(trial: ClientTrial) -> None:
     """Init packets with unknown members at every level: odd names, names from other levels, values
     nested to the limit, a decoy of the message itself.

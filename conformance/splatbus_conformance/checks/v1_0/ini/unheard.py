@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from splatbus_conformance.cases.malformed.init_packets import breaches_of_1_0, changed
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_0.frm.clients import ENDS, inside
 from splatbus_conformance.checks.v1_0.ini.clients import OTHERS, TYPES
 from splatbus_conformance.trials.client import ClientTrial
@@ -29,7 +29,7 @@ PAUSE_SECONDS = 0.003
 @check(
     "FRM-6",
     observable="the testee connects again after half an init packet",
-    needs=("ipc", "reconnects:ipc"),
+    on={CLIENT: ("ipc", "reconnects:ipc")},
     may_crash=True,
 )
 def check_half_packet_is_discarded_unheard(trial: ClientTrial) -> None:
@@ -48,7 +48,7 @@ def check_half_packet_is_discarded_unheard(trial: ClientTrial) -> None:
 @check(
     "INI-11",
     observable="the connection stays open, and the testee still notices its end",
-    needs=("ipc",),
+    on={CLIENT: ("ipc",)},
     may_crash=True,
 )
 def check_ignores_what_is_no_init_packet_unheard(trial: ClientTrial) -> None:
@@ -73,7 +73,7 @@ def check_ignores_what_is_no_init_packet_unheard(trial: ClientTrial) -> None:
 @check(
     "JSN-10",
     observable="the process lives, and the testee connects again when the harness closes",
-    needs=("ipc",),
+    on={CLIENT: ("ipc",)},
     may_crash=True,
 )
 def check_survives_broken_payloads_unheard(trial: ClientTrial) -> None:

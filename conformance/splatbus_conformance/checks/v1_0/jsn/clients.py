@@ -10,7 +10,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
 )
 from splatbus_conformance.cases.malformed.replies import BAD_REPLIES, BAD_TELEMETRY
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet
 from splatbus_conformance.checks.v1_0.req.clients import outcome_of_reading
 from splatbus_conformance.trials.client import ClientTrial
@@ -52,7 +52,7 @@ RULE_OF = {
 @check(
     "JSN-8",
     observable="the testee does not open the memory that such a text announces",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_does_not_act_on_broken_text(trial: ClientTrial) -> None:
@@ -71,7 +71,7 @@ def check_does_not_act_on_broken_text(trial: ClientTrial) -> None:
 @check(
     "JSN-10",
     observable="the process lives and opens the good memory that follows, or comes back for it",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
@@ -97,25 +97,25 @@ def check_survives_broken_payloads_on_ipc(trial: ClientTrial) -> None:
 GOES_ON = "the process lives, and the testee goes on or connects again"
 
 
-@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+@check("JSN-10", observable=GOES_ON, on={CLIENT: ("asks",)}, may_crash=True)
 def check_survives_broken_payloads_on_the_message_channel(trial: ClientTrial) -> None:
     """What is no JSON object in UTF-8, in place of a reply and after it."""
     judge_row(trial, _broken_replies(trial, "JSN-1", "JSN-2"))
 
 
-@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+@check("JSN-10", observable=GOES_ON, on={CLIENT: ("asks",)}, may_crash=True)
 def check_survives_names_twice_and_depths_on_the_message_channel(trial: ClientTrial) -> None:
     """Replies with equal names, and nested too deep."""
     judge_row(trial, _broken_replies(trial, "JSN-3", "JSN-5"))
 
 
-@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+@check("JSN-10", observable=GOES_ON, on={CLIENT: ("asks",)}, may_crash=True)
 def check_survives_numbers_out_of_range_on_the_message_channel(trial: ClientTrial) -> None:
     """Replies with numbers that are not finite, or that no type of numbers holds."""
     judge_row(trial, _broken_replies(trial, "JSN-4"))
 
 
-@check("JSN-10", observable=GOES_ON, needs=("asks",), may_crash=True)
+@check("JSN-10", observable=GOES_ON, on={CLIENT: ("asks",)}, may_crash=True)
 def check_survives_odd_messages_on_the_message_channel(trial: ClientTrial) -> None:
     """Messages that miss or mistype members, in place of a reply and after it."""
     judge_row(trial, _odd_messages())

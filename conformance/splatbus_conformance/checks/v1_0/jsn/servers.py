@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.checks.v1_0.jsn.next_packet import SPARE, named
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
@@ -95,6 +95,7 @@ def _edited(payload: bytes, edits: Sequence[tuple[int, bytes, int]]) -> bytes:
 
 @check(
     "JSN-8",
+    on={SERVER: ()},
     observable="the server does not answer such a request",
     cases=Cases([*broken_texts(REQUESTS[3]), *broken_texts(hello([]))], kind=attrgetter("kind")),
     may_crash=True,
@@ -110,7 +111,7 @@ def check_does_not_answer_broken_text(trial: ServerTrial, text: BrokenText) -> N
 @check(
     "JSN-8",
     observable="no frame shows the camera of such a pose",
-    needs=("frames",),
+    on={SERVER: ("frames",)},
     given=steering,
     cases=Cases(broken_texts(FAR), kind=attrgetter("kind"), spare=SPARE),
     may_crash=True,
@@ -125,6 +126,7 @@ def check_does_not_move_by_broken_text(
 
 @check(
     "JSN-10",
+    on={SERVER: ()},
     observable="the process lives and answers the request that follows, or the next client",
     cases=Cases(
         [*odd_payloads(FAR), *((it.requirement, it.payload) for it in broken_poses(FAR))],
@@ -145,7 +147,10 @@ def check_survives_broken_payloads(trial: ServerTrial, case: Payload) -> None:
 
 
 @check(
-    "JSN-10", observable="the process lives, and goes on or serves the next client", may_crash=True
+    "JSN-10",
+    on={SERVER: ()},
+    observable="the process lives, and goes on or serves the next client",
+    may_crash=True,
 )
 def check_survives_broken_payloads_on_ipc(trial: ServerTrial) -> None:
     """The same, all of them on one IPC connection as long as that lasts."""
@@ -183,7 +188,7 @@ def _expect_alive(trial: ServerTrial, payload: bytes) -> None:
 @check(
     "JSN-11",
     observable="a frame shows all of such a pose, or none of it, or the connection is closed",
-    needs=("frames",),
+    on={SERVER: ("frames",)},
     given=steering,
     cases=Cases((FAR, NEAR)),
     may_crash=True,

@@ -11,6 +11,7 @@ from splatbus_conformance.checks import (
     CLIENT_IPC,
     CLIENT_MSG,
     OPENS_HOST_MEMORY,
+    SERVER,
     SERVER_IPC,
     SERVER_MSG,
     Cases,
@@ -105,13 +106,21 @@ def check_ignores_unknown_members(trial: Trial, channel: Channel, judge: Judge, 
 SHOWN = "a frame shows the camera of a pose that is written so"
 
 
-@check("JSN-6", observable=SHOWN, needs=("frames",), given=of_poses, cases=spelled(30, 1000, ALL))
+@check(
+    "JSN-6",
+    observable=SHOWN,
+    on={SERVER: ("frames",)},
+    given=of_poses,
+    cases=spelled(30, 1000, ALL),
+)
 def check_takes_any_spelling_of_poses(trial: ServerTrial, judge: Judge, case: Spelling) -> None:
     """The same of poses."""
     judge(odd_spelling(case))
 
 
-@check("JSN-7", observable=SHOWN, needs=("frames",), given=of_poses, cases=with_others(30, 1000))
+@check(
+    "JSN-7", observable=SHOWN, on={SERVER: ("frames",)}, given=of_poses, cases=with_others(30, 1000)
+)
 def check_ignores_unknown_members_of_poses(trial: ServerTrial, judge: Judge, seed: int) -> None:
     """The same of poses, at every level."""
     judge(unknown_members(trial, seed))

@@ -2,7 +2,7 @@
 
 from contextlib import nullcontext
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_0.cud.clients import image_of
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.wire.message_kinds import POSES
@@ -11,7 +11,7 @@ from splatbus_conformance.wire.message_kinds import POSES
 @check(
     "JSN-4",
     observable="the numbers of poses that come once there is an init packet",
-    needs=("ipc", "msg"),
+    on={CLIENT: ("ipc", "msg")},
 )
 def check_writes_numbers_once_it_has_images(trial: ClientTrial) -> None:
     """The harness plays a server of 1.0 whose init packet is good, and listens for poses: some

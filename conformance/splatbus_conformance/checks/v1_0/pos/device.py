@@ -12,7 +12,7 @@ import numpy as np
 
 from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_0.acc.device import UNKNOWN_SCENE, LegacyFrameCapture, lens_of
 from splatbus_conformance.checks.v1_0.buf.servers_device import SHOWN, BufferContents, reading
 from splatbus_conformance.checks.v1_0.jsn.servers import in_strings
@@ -69,7 +69,7 @@ def expect_shown(it: PoseFrameCapture, camera: Pose, code: str, what: str, *spel
     it.trial.expect(shown, code, f"{what}: the image is none of the camera at {camera}")
 
 
-@check("BUF-1", observable="which way up images of a known scene lie", needs=SHOWN)
+@check("BUF-1", observable="which way up images of a known scene lie", on={SERVER: SHOWN})
 def check_rows_in_device_memory_are_bottom_up(trial: ServerTrial) -> None:
     """The image of a camera at the origin: as it lies it shows the scene, and not turned over."""
     with reading(trial) as read:
@@ -81,7 +81,7 @@ def check_rows_in_device_memory_are_bottom_up(trial: ServerTrial) -> None:
         trial.not_observable(UNKNOWN_SCENE)
 
 
-@check("BUF-6", observable="by which depths images show a known scene", needs=SHOWN)
+@check("BUF-6", observable="by which depths images show a known scene", on={SERVER: SHOWN})
 def check_depth_in_device_memory_is_planar(trial: ServerTrial) -> None:
     """The image of a camera at the origin: as they are, its depths are those of the scene."""
     with reading(trial) as read:
@@ -106,13 +106,13 @@ def other_depths(depth: Pixels) -> Iterator[tuple[str, Pixels]]:
         yield f"depths of which {1 / factor:g} make a scene unit", scaled
 
 
-@check("CNV-1", observable=BY_IMAGES, needs=SHOWN)
+@check("CNV-1", observable=BY_IMAGES, on={SERVER: SHOWN})
 def check_poses_in_device_memory_are_camera_to_world(trial: ServerTrial) -> None:
     """The camera of an image is where and turned as the pose said."""
     judge_readings(trial, POSES)
 
 
-@check("CNV-3", observable=BY_IMAGES, needs=SHOWN)
+@check("CNV-3", observable=BY_IMAGES, on={SERVER: SHOWN})
 def check_rotations_in_device_memory_have_w_last(trial: ServerTrial) -> None:
     """The rotation of the camera of an image has its scalar last, and its sign."""
     judge_readings(trial, QUATERNIONS)
@@ -136,7 +136,7 @@ def judge_readings(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
         trial.not_observable(f"the image of a camera at {ASKEW} is none of it, and fits nothing")
 
 
-@check("POS-5", observable=BY_LIKENESS, needs=SHOWN)
+@check("POS-5", observable=BY_LIKENESS, on={SERVER: SHOWN})
 def check_takes_members_by_name_in_device_memory(trial: ServerTrial) -> None:
     """Poses with the members of position and rotation in every order, and rotation before
     position.
@@ -149,7 +149,7 @@ def check_takes_members_by_name_in_device_memory(trial: ServerTrial) -> None:
             expect_shown(it, camera, "pose-not-shown", what, written)
 
 
-@check("POS-6", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
+@check("POS-6", observable=BY_LIKENESS, on={SERVER: SHOWN}, may_crash=True)
 def check_keeps_the_former_pose_in_device_memory(trial: ServerTrial) -> None:
     """Poses that miss or mistype members, lie beyond single precision, or have no unit quaternion;
     after each the Gaussians are moved, so that a new image shows where the camera is.
@@ -168,7 +168,7 @@ def check_keeps_the_former_pose_in_device_memory(trial: ServerTrial) -> None:
             trial.judge(outcome, what)
 
 
-@check("POS-7", observable=BY_LIKENESS, needs=SHOWN)
+@check("POS-7", observable=BY_LIKENESS, on={SERVER: SHOWN})
 def check_the_newest_camera_is_shown_in_device_memory(trial: ServerTrial) -> None:
     """Several poses at once, of which the last has to be shown."""
     rng = random.Random(trial.seed)
@@ -181,7 +181,7 @@ def check_the_newest_camera_is_shown_in_device_memory(trial: ServerTrial) -> Non
             expect_shown(it, last, "not-the-newest", f"{len(row)} poses at once", *row)
 
 
-@check("POS-11", observable=BY_LIKENESS, needs=SHOWN)
+@check("POS-11", observable=BY_LIKENESS, on={SERVER: SHOWN})
 def check_one_connection_has_control_in_device_memory(trial: ServerTrial) -> None:
     """Two connections send poses; the first has control until it closes, and then the second."""
     if trial.facts.alone["msg"]:
@@ -210,7 +210,7 @@ def check_one_connection_has_control_in_device_memory(trial: ServerTrial) -> Non
         )
 
 
-@check("POS-13", observable=BY_LIKENESS, needs=SHOWN)
+@check("POS-13", observable=BY_LIKENESS, on={SERVER: SHOWN})
 def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> None:
     """A server that was just started is told of cameras, and nothing of the Gaussians."""
     if not trial.testee.expendable:
@@ -229,7 +229,7 @@ def check_the_scene_in_device_memory_is_at_rest_at_first(trial: ServerTrial) -> 
         )
 
 
-@check("JSN-11", observable=BY_LIKENESS, needs=SHOWN, may_crash=True)
+@check("JSN-11", observable=BY_LIKENESS, on={SERVER: SHOWN}, may_crash=True)
 def check_takes_strings_for_numbers_or_not_in_device_memory(trial: ServerTrial) -> None:
     """A pose of a 1.0 client, with every number as a string: taken whole, or not at all."""
     with comparing(trial) as it:

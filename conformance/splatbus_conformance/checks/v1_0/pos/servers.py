@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from hypothesis import strategies as st
 
 from splatbus_conformance.cases.malformed.poses import MOST, WITHIN_NORMS, broken_poses
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.pinhole import told_of
 from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_of
 from splatbus_conformance.trials.moves.frame_readers import fell_silent
@@ -37,7 +37,9 @@ LIMITS_OF_POSES = (
 )
 
 
-@check("POS-5", observable="a frame shows each number where its name says", needs=("frames",))
+@check(
+    "POS-5", observable="a frame shows each number where its name says", on={SERVER: ("frames",)}
+)
 def check_takes_members_by_name(trial: ServerTrial) -> None:
     """Poses with the members of position and rotation in every order, and rotation before
     position.
@@ -66,7 +68,7 @@ def in_order(pose: Json, order: Order) -> tuple[str, Json]:
 @check(
     "POS-6",
     observable="the frames that follow show the former camera",
-    needs=("frames",),
+    on={SERVER: ("frames",)},
     may_crash=True,
 )
 def check_keeps_the_former_pose(trial: ServerTrial) -> None:
@@ -88,7 +90,7 @@ def check_keeps_the_former_pose(trial: ServerTrial) -> None:
 @check(
     "POS-6",
     observable="where the frames that follow list the Gaussians",
-    needs=("frames",),
+    on={SERVER: ("frames",)},
     may_crash=True,
 )
 def check_keeps_the_former_pose_of_the_gaussians(trial: ServerTrial) -> None:
@@ -123,7 +125,7 @@ def check_keeps_the_former_pose_of_the_gaussians(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("POS-7", observable="frames show poses next to the limits", needs=("frames",))
+@check("POS-7", observable="frames show poses next to the limits", on={SERVER: ("frames",)})
 def check_poses_at_the_limits_are_poses(trial: ServerTrial) -> None:
     """Rotations whose norm is just as far from 1 as it may be, half-turns and none, the greatest
     numbers that there are, and the least.
@@ -141,7 +143,7 @@ def check_poses_at_the_limits_are_poses(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("POS-7", observable="frames show poses of any timestamp", needs=("frames",))
+@check("POS-7", observable="frames show poses of any timestamp", on={SERVER: ("frames",)})
 def check_poses_of_any_time_are_poses(trial: ServerTrial) -> None:
     """Timestamps in milliseconds, that go back, below zero, none, and of a client that comes later:
     which pose is the newest depends on none of them.
@@ -167,7 +169,7 @@ MOMENTS = (1.7e12, 5.0, None, -3, 0, 1e308, 12.5, -1e308, 3.0, 5e-324)
 @check(
     "POS-14",
     observable="a frame shows all of such a pose, or none of it, or the connection is closed",
-    needs=("frames",),
+    on={SERVER: ("frames",)},
     may_crash=True,
 )
 def check_takes_poses_of_no_time_or_not(trial: ServerTrial) -> None:
@@ -187,7 +189,9 @@ NO_MOMENTS = ("now", None, True, [1.0], {"seconds": 1.0})
 
 
 @check(
-    "POS-7", observable="the camera that frames name after poses in one piece", needs=("frames",)
+    "POS-7",
+    observable="the camera that frames name after poses in one piece",
+    on={SERVER: ("frames",)},
 )
 def check_the_last_of_one_piece_is_shown(trial: ServerTrial) -> None:
     """Several poses that arrive together; nothing but the Gaussians is moved after them."""
@@ -209,7 +213,7 @@ def check_the_last_of_one_piece_is_shown(trial: ServerTrial) -> None:
 @check(
     "POS-11",
     observable="frames show the poses of the connection that was first, then those of the next",
-    needs=("frames",),
+    on={SERVER: ("frames",)},
 )
 def check_one_connection_has_control(trial: ServerTrial) -> None:
     """One connection sends a broken pose, the next a good one, and a third another; then the one in

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from splatbus_conformance.cases.shrinking import without_one
 from splatbus_conformance.cases.valid.numbers import hard_numbers
 from splatbus_conformance.cases.valid.poses import Pose, poses
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.odd_replies import OddReplies
 from splatbus_conformance.trials.moves.pose_error import (
@@ -95,7 +95,7 @@ def understood(
     return min(found, key=lambda it: (it[1].angle + it[1].distance, it[1].position))
 
 
-@check("REQ-11", observable=OBSERVABLE, needs=("msg", "adapter:ask"))
+@check("REQ-11", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:ask")})
 def check_matches_replies_by_their_order(trial: ClientTrial) -> None:
     """Requests of both kinds, as many at a time as the client sends before it waits; each camera
     has another pose, and the replies come in order, all at once.
@@ -149,7 +149,7 @@ def replied(trial: ClientTrial, quick: int, full: int) -> Iterator[tuple[Pose, J
             yield wire, reply, found
 
 
-@check("CNV-1", observable=OBSERVABLE, needs=("msg", "adapter:ask"))
+@check("CNV-1", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:ask")})
 def check_understands_cameras(trial: ClientTrial) -> None:
     """Poses in replies to `get_camera_pose`, near every edge of what is allowed."""
     for wire, reply, found in replied(trial, 6, 100):
@@ -160,7 +160,7 @@ def check_understands_cameras(trial: ClientTrial) -> None:
             trial.violated("another-pose", f"the camera {wire} was taken for {reply}: {reason}")
 
 
-@check("ACC-7", observable=OBSERVABLE, needs=("msg", "adapter:ask"))
+@check("ACC-7", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:ask")})
 def check_axes_change_exactly_on_the_way_in(trial: ClientTrial) -> None:
     """Poses in replies, from the wire's axes to the engine's: positions exact, or within half an
     ULP where they are scaled; quaternions within 4u.
@@ -175,7 +175,7 @@ def check_axes_change_exactly_on_the_way_in(trial: ClientTrial) -> None:
     trial.expect_within_budgets()
 
 
-@check("ACC-14", observable=OBSERVABLE, needs=("msg", "adapter:ask"))
+@check("ACC-14", observable=OBSERVABLE, on={CLIENT: ("msg", "adapter:ask")})
 def check_numbers_are_read_to_the_last_bit(trial: ClientTrial) -> None:
     """Cameras whose positions are decimals next to halfway between two doubles, exact, and of 17
     digits; where the engine scales positions or holds them in single precision, after that.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.replies import BAD_REPLIES as BAD_REPLIES_OF_1_1
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import CLIENT, Cases, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.trials.trial import (
@@ -134,7 +134,7 @@ def _notices_the_end_after_replies(trial: ClientTrial) -> bool:
 @check(
     "REQ-12",
     observable="when the testee asks for the size again after it was told [0,0]",
-    needs=("asks",),
+    on={CLIENT: ("asks",)},
 )
 def check_asks_again_after_a_while(trial: ClientTrial) -> None:
     """The size is [0,0] at first; the request that follows is timed."""
@@ -168,7 +168,7 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
 @check(
     "REQ-13",
     observable="the process lives, and the testee goes on or connects again",
-    needs=("asks",),
+    on={CLIENT: ("asks",)},
     cases=lambda trial: Cases(bad_replies(trial.role.width, trial.role.height), kind=_broken_where),
     may_crash=True,
 )
@@ -225,7 +225,7 @@ def _of_1_1(trial: ClientTrial) -> Cases:
 @check(
     "JSN-10",
     observable="the process lives, and the testee goes on or connects again",
-    needs=("hello:msg", "asks", "returns:msg"),
+    on={CLIENT: ("hello:msg", "asks", "returns:msg")},
     cases=_of_1_1,
     may_crash=True,
 )

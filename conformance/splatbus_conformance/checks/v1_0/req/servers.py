@@ -6,7 +6,7 @@ from typing import Any
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.server import ServerTrial
@@ -44,7 +44,9 @@ MESSAGES: dict[str, Json] = {
 }
 
 
-@check("REQ-6", observable="the replies for indices beyond the cameras, and below 0")
+@check(
+    "REQ-6", on={SERVER: ()}, observable="the replies for indices beyond the cameras, and below 0"
+)
 def check_camera_index_is_taken_modulo(trial: ServerTrial) -> None:
     """A thousand cameras are asked for, which shows after how many they come again; then indices
     that are negative, and as large as they may be.
@@ -68,7 +70,11 @@ def check_camera_index_is_taken_modulo(trial: ServerTrial) -> None:
         )
 
 
-@check("REQ-7", observable="one reply to each request that was sent in one write, in their order")
+@check(
+    "REQ-7",
+    on={SERVER: ()},
+    observable="one reply to each request that was sent in one write, in their order",
+)
 def check_one_reply_each_in_order(trial: ServerTrial) -> None:
     """Requests of both kinds in any order, with poses and unknown messages among them."""
     usual = ["size", "camera", "camera", "size", "pose", "unknown"] * 40
@@ -92,6 +98,7 @@ def check_one_reply_each_in_order(trial: ServerTrial) -> None:
 
 @check(
     "REQ-7",
+    on={SERVER: ()},
     observable="the replies to requests before one that is broken, in one write",
     may_crash=True,
 )
@@ -120,7 +127,11 @@ UNKNOWN: tuple[Json, ...] = (
 
 
 @check(
-    "REQ-8", observable="no reply, and the connection goes on", cases=Cases(UNKNOWN), may_crash=True
+    "REQ-8",
+    on={SERVER: ()},
+    observable="no reply, and the connection goes on",
+    cases=Cases(UNKNOWN),
+    may_crash=True,
 )
 def check_unknown_messages_are_ignored(trial: ServerTrial, message: Json) -> None:
     """Types that nobody knows, or that are no strings, and messages without any."""
@@ -128,7 +139,7 @@ def check_unknown_messages_are_ignored(trial: ServerTrial, message: Json) -> Non
     trial.judge(outcome, f"the message {shorten(str(message))}")
 
 
-@check("REQ-8", observable="no reply, and the connection goes on", may_crash=True)
+@check("REQ-8", on={SERVER: ()}, observable="no reply, and the connection goes on", may_crash=True)
 def check_hello_is_nothing_to_1_0(trial: ServerTrial) -> None:
     """The `hello` of a client of 1.1, where the server speaks 1.0 alone."""
     if trial.facts.version() != "1.0":
@@ -138,7 +149,12 @@ def check_hello_is_nothing_to_1_0(trial: ServerTrial) -> None:
     trial.delivered += 1
 
 
-@check("REQ-9", observable="no reply; the connection is closed or goes on", may_crash=True)
+@check(
+    "REQ-9",
+    on={SERVER: ()},
+    observable="no reply; the connection is closed or goes on",
+    may_crash=True,
+)
 def check_broken_requests_have_no_reply(trial: ServerTrial) -> None:
     """Requests for a camera without an index, or with one that is no integer or out of range, of a
     client of 1.0, and of one of 1.1 that gives them ids; an `error` is no reply (1.1 section 2.6).
@@ -163,6 +179,7 @@ def check_broken_requests_have_no_reply(trial: ServerTrial) -> None:
 
 @check(
     "REQ-10",
+    on={SERVER: ()},
     observable="replies come while nobody reads images; a server that renders all the time and "
     "holds each reply until its next image is not seen to",
 )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import turned_about
 from splatbus_conformance.images.known_scene import render
@@ -110,7 +110,7 @@ def drawn_lenses(first: CapturedFrame) -> st.SearchStrategy[Json]:
     )
 
 
-@check("CAM-5", observable="the camera of frames, and the pixels of images", needs=LENSES)
+@check("CAM-5", observable="the camera of frames, and the pixels of images", on={SERVER: LENSES})
 def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
     """Intrinsics for images of every size that has the shape of the server's, also rounded as far
     as it may be, with other focal lengths, principal points and clipping planes.
@@ -183,7 +183,9 @@ def other_shapes(size: tuple[int, int]) -> Iterator[tuple[int, int]]:
     yield from (it for it in FAR_SHAPES if not same_shape(*it, size))
 
 
-@check("CAM-6", observable="the error, and the cameras of the frames that follow", needs=LENSES)
+@check(
+    "CAM-6", observable="the error, and the cameras of the frames that follow", on={SERVER: LENSES}
+)
 def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
     """Intrinsics whose shape is off by just as much as it may not be, and by more, in poses that
     move the camera: no part of them is applied.
@@ -219,7 +221,9 @@ def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("CAM-7", observable="the cameras of frames after poses without intrinsics", needs=LENSES)
+@check(
+    "CAM-7", observable="the cameras of frames after poses without intrinsics", on={SERVER: LENSES}
+)
 def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     """Poses with intrinsics, and then whatever leaves them in force: poses without them, of the
     Gaussians too, those of a client without control, and those that are refused.
@@ -280,7 +284,7 @@ def _goes_on(trial: ServerTrial, sender: Connection, message: Json) -> bool:
 @check(
     "CAM-8",
     observable="the intrinsics in replies to get_camera_pose",
-    needs=("1.1", "capability:intrinsics"),
+    on={SERVER: ("1.1", "capability:intrinsics")},
 )
 def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
     """Several cameras are asked for, on a connection that agreed on intrinsics, before and after it
@@ -314,7 +318,9 @@ def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
 
 
 @check(
-    "CAM-9", observable="the cameras of the frames that follow", needs=("1.1", "frames", "pixels")
+    "CAM-9",
+    observable="the cameras of the frames that follow",
+    on={SERVER: ("1.1", "frames", "pixels")},
 )
 def check_keeps_the_former_camera(trial: ServerTrial) -> None:
     """Poses whose tag or intrinsics are none, of which no part may be applied."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, same_shape, scaled
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST, shows
 from splatbus_conformance.trials.moves.camera_control import camera_in, camera_of
@@ -71,7 +71,7 @@ def sitting(trial: ServerTrial) -> Iterator[Sitting]:
 @check(
     "CAM-6",
     observable="the errors for intrinsics of either shape",
-    needs=LENSES,
+    on={SERVER: LENSES},
     given=resizing,
     cases=of_another_shape,
 )
@@ -100,7 +100,7 @@ def check_compares_shapes_with_the_size_now(
 @check(
     "CTL-5",
     observable="the lens of the frames after control passed on",
-    needs=(*RESIZES, "capability:intrinsics"),
+    on={SERVER: (*RESIZES, "capability:intrinsics")},
     cases=of_another_shape,
 )
 def check_scales_a_lens_that_waited(trial: ServerTrial, size: Size) -> None:
@@ -132,7 +132,7 @@ def check_scales_a_lens_that_waited(trial: ServerTrial, size: Size) -> None:
 @check(
     "CAM-8",
     observable="the size in replies to get_camera_pose",
-    needs=LENSES,
+    on={SERVER: LENSES},
     given=resizing,
     cases=other(3),
 )
@@ -153,7 +153,7 @@ def check_tells_lenses_for_the_size_now(trial: ServerTrial, client: Connection, 
 @check(
     "CAM-3",
     observable="the tags of frames of either size",
-    needs=RESIZES,
+    on={SERVER: RESIZES},
     given=sitting,
     cases=other(3),
 )
@@ -183,7 +183,7 @@ def check_no_tag_comes_again_in_another_size(
 @check(
     "POS-7",
     observable="the camera of the first frame of another size",
-    needs=RESIZES,
+    on={SERVER: RESIZES},
     given=sitting,
     cases=other(3),
 )
@@ -223,7 +223,7 @@ def everybody(trial: ServerTrial) -> Iterator[list[Connection]]:
 @check(
     "REQ-4",
     observable="the size that all are told",
-    needs=RESIZES,
+    on={SERVER: RESIZES},
     given=everybody,
     cases=other(2),
 )
@@ -244,7 +244,7 @@ def check_tells_everybody_of_the_newest_size(
 @check(
     "CHN-16",
     observable="every answer, and then the end of the stream",
-    needs=RESIZES,
+    on={SERVER: RESIZES},
     given=resizing,
     cases=other(2),
 )

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import STEP
 from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.moves.frame_readers import LENDS, frames_of, gave_way, joined
@@ -124,7 +124,7 @@ def stories(trial: ServerTrial) -> Iterator[TagSession]:
         trial.delivered += 1
 
 
-@check("CAM-2", observable="the tags of frames, on several connections", needs=LENDS)
+@check("CAM-2", observable="the tags of frames, on several connections", on={SERVER: LENDS})
 def check_tags_come_with_the_first_image(trial: ServerTrial) -> None:
     """Poses with tags and without, some overtaken, some the same again; readers come at any time,
     and the first frame of each that shows a pose has its tag.
@@ -155,7 +155,7 @@ def check_tags_come_with_the_first_image(trial: ServerTrial) -> None:
 @check(
     "CAM-2",
     observable="the tags of frames after poses that share one",
-    needs=LENDS,
+    on={SERVER: LENDS},
     given=lambda trial: nullcontext((TagSession(trial), f"{next(_tags)} again")),
     cases=Cases(range(1, 4)),
 )
@@ -175,7 +175,7 @@ def check_a_tag_that_was_used_comes_again(
     trial.delivered += 1
 
 
-@check("CAM-3", observable="the tags of frames, on several connections", needs=LENDS)
+@check("CAM-3", observable="the tags of frames, on several connections", on={SERVER: LENDS})
 def check_no_other_tags_come(trial: ServerTrial) -> None:
     """The same: no tag comes twice on a connection, with another pose, or that no pose had."""
     for story in stories(trial):

@@ -1,6 +1,6 @@
 """Checks on intrinsics that were not granted (spec 1.1 section 6.2)."""
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, turned_elsewhere
 from splatbus_conformance.trials.moves.image_session import LENS, NARROW, ImageSession, errors_after
 from splatbus_conformance.trials.server import ServerTrial
@@ -11,7 +11,7 @@ from splatbus_conformance.wire.messages import camera_pose, encode, intrinsics
 @check(
     "CAM-10",
     observable="the lens that the frames name that follow",
-    needs=("1.1", "frames", "pixels"),
+    on={SERVER: ("1.1", "frames", "pixels")},
 )
 def check_uses_no_lens_that_was_not_granted(trial: ServerTrial) -> None:
     """A client that did not ask for `intrinsics` sends some, of two shapes."""

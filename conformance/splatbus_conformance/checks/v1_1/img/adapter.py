@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from splatbus_conformance.cases.rings import ORDERS, Arrangement
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.checks.v1_0.jsn.writers import Writer, odd_spelling, spellings
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.painted import Painting, coordinates, sha256, spoilt
@@ -67,7 +67,7 @@ def described(answer: Json, names: list[str], lender: FrameLender) -> str:
 @check(
     "IMG-13",
     observable="digests of what the client read, while a slot is spoilt as soon as it is released",
-    needs=READS,
+    on={CLIENT: READS},
 )
 def check_releases_when_it_has_read(trial: ClientTrial) -> None:
     """Images are lent one after the other, as fast as they come back; each slot is written over in
@@ -80,7 +80,7 @@ def check_releases_when_it_has_read(trial: ClientTrial) -> None:
         _judge(trial, lender, "released-too-early", "was released before it was read")
 
 
-@check("INI-10", observable="digests of images that lie 4 GiB apart", needs=READS)
+@check("INI-10", observable="digests of images that lie 4 GiB apart", on={CLIENT: READS})
 def check_reads_where_32_bits_do_not_reach(trial: ClientTrial) -> None:
     """Images in a ring whose slots of each channel lie 4 GiB apart: who computes addresses in 32
     bits reads one place for all. A client may decline memory that is so large.
@@ -105,7 +105,7 @@ def check_reads_where_32_bits_do_not_reach(trial: ClientTrial) -> None:
 @check(
     "IMG-14",
     observable="digests of what the client shows, while every slot changes and none is lent",
-    needs=READS,
+    on={CLIENT: READS},
 )
 def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
     """After an image was given back, every slot is written over, with images that are not lent and
@@ -129,7 +129,7 @@ def check_reads_only_what_it_holds(trial: ClientTrial) -> None:
 @check(
     "JSN-6",
     observable="the client's newest image is the one whose frame was spelled so",
-    needs=READS,
+    on={CLIENT: READS},
 )
 def check_reads_what_is_lent_in_any_spelling(trial: ClientTrial) -> None:
     """Frames with members in any order, white space, escapes, and numbers in any form: who cannot
@@ -181,7 +181,7 @@ def _judge(trial: ClientTrial, lender: FrameLender, code: str, otherwise: str) -
 @check(
     "IMG-22",
     observable="the channel that was not subscribed to, which holds what nobody may show",
-    needs=(*READS, "capability:subscribe", "adapter:subscribe"),
+    on={CLIENT: (*READS, "capability:subscribe", "adapter:subscribe")},
 )
 def check_reads_only_what_it_subscribed_to(trial: ClientTrial) -> None:
     """The client subscribes to one channel and to the other, in turn. A channel that it had not
@@ -248,7 +248,7 @@ def _subscribe(trial: ClientTrial, lender: FrameLender, channels: list[str]) -> 
 @check(
     "CHN-18",
     observable="digests of what the client shows after the connection ended and the memory changed",
-    needs=(*READS, "returns:ipc"),
+    on={CLIENT: (*READS, "returns:ipc")},
 )
 def check_leaves_the_buffers_when_the_connection_ends(trial: ClientTrial) -> None:
     """The IPC connection ends, while an image is lent and while none is, and every slot is written

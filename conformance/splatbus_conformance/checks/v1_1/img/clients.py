@@ -3,7 +3,7 @@
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.frames import broken_frames, frames_of_no_image
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import CLIENT, Cases, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.frame_lender import reading
 from splatbus_conformance.trials.trial import SETTLE_SECONDS
@@ -16,7 +16,7 @@ LAST_NUMBER: int = LIMITS["max_safe_integer"]
 @check(
     "IMG-12",
     observable="one release for each frame, with its generation and number",
-    needs=("capability:frames",),
+    on={CLIENT: ("capability:frames",)},
 )
 def check_releases_each_frame_once(trial: ClientTrial) -> None:
     """Frames are lent one after the other, in slots of any order, with numbers from the first to
@@ -48,7 +48,7 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
 @check(
     "IMG-24",
     observable="one release for each frame that the testee cannot use",
-    needs=("capability:frames", "returns:ipc"),
+    on={CLIENT: ("capability:frames", "returns:ipc")},
     may_crash=True,
 )
 def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
@@ -88,7 +88,7 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
 @check(
     "IMG-24",
     observable="one release for each frame whose number is not greater than the one before",
-    needs=("capability:frames", "returns:ipc"),
+    on={CLIENT: ("capability:frames", "returns:ipc")},
     may_crash=True,
     cases=Cases((0, 1, 2, LAST_NUMBER)),
 )
@@ -119,7 +119,7 @@ def check_releases_frames_whose_numbers_do_not_grow(trial: ClientTrial, back: in
 @check(
     "IMG-12",
     observable="of each generation, release of its frame before closed",
-    needs=("capability:frames", "capability:reinit", "opens"),
+    on={CLIENT: ("capability:frames", "capability:reinit", "opens")},
 )
 def check_releases_before_it_closes(trial: ClientTrial) -> None:
     """Frames that are followed at once by the init packet of other images, several times over."""
@@ -145,7 +145,7 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
 @check(
     "IMG-15",
     observable="no release for a frame of memory that is not there; the next good one is released",
-    needs=("capability:frames", "returns:ipc"),
+    on={CLIENT: ("capability:frames", "returns:ipc")},
     may_crash=True,
 )
 def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
@@ -170,7 +170,7 @@ def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
 @check(
     "IMG-15",
     observable="no release for a frame that does not say which image it is; the next one's is sent",
-    needs=("capability:frames", "returns:ipc"),
+    on={CLIENT: ("capability:frames", "returns:ipc")},
     may_crash=True,
 )
 def check_ignores_frames_that_name_no_image(trial: ClientTrial) -> None:
@@ -186,7 +186,7 @@ def check_ignores_frames_that_name_no_image(trial: ClientTrial) -> None:
 @check(
     "IMG-15",
     observable="no release for a frame of memory that was closed; the next good one is released",
-    needs=("capability:frames", "capability:reinit", "returns:ipc"),
+    on={CLIENT: ("capability:frames", "capability:reinit", "returns:ipc")},
     may_crash=True,
 )
 def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.images.memory.cuda_stand_in import usage
 from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
 from splatbus_conformance.trials.client import ClientTrial
@@ -56,7 +56,7 @@ def released_at(trial: ClientTrial, connection: Connection, seq: int) -> float:
     )
 
 
-@check("IMG-12", observable="one release for each frame of device memory", needs=LENDING)
+@check("IMG-12", observable="one release for each frame of device memory", on={CLIENT: LENDING})
 def check_releases_each_frame_of_the_device(trial: ClientTrial) -> None:
     """Frames in device memory are lent one after the other; each must be released once."""
     with ring_of(trial) as (ring, connection):
@@ -77,7 +77,7 @@ def check_releases_each_frame_of_the_device(trial: ClientTrial) -> None:
         )
 
 
-@check("IMG-8", observable="the calls that copy, and those that wait", needs=LENDING)
+@check("IMG-8", observable="the calls that copy, and those that wait", on={CLIENT: LENDING})
 def check_waits_for_the_event_of_the_slot(trial: ClientTrial) -> None:
     """In every slot the event is pending for a while after the frame is lent; those of the other
     slots are not.
@@ -102,7 +102,11 @@ def check_waits_for_the_event_of_the_slot(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check("IMG-13", observable="calls that copy and that wait, and when release comes", needs=LENDING)
+@check(
+    "IMG-13",
+    observable="calls that copy and that wait, and when release comes",
+    on={CLIENT: LENDING},
+)
 def check_releases_after_its_copies_have_finished(trial: ClientTrial) -> None:
     """Frames are lent one after the other. Copies that are under way must be seen to finish, by
     the calls that tell the host, before the release arrives.
@@ -122,7 +126,9 @@ def check_releases_after_its_copies_have_finished(trial: ClientTrial) -> None:
             trial.delivered += 1
 
 
-@check("IMG-14", observable="when calls that copy end, and when release comes", needs=LENDING)
+@check(
+    "IMG-14", observable="when calls that copy end, and when release comes", on={CLIENT: LENDING}
+)
 def check_reads_no_slot_without_a_lease(trial: ClientTrial) -> None:
     """Frames are lent one after the other, with a pause after each release."""
     with ring_of(trial) as (ring, connection):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from splatbus_conformance.cases.malformed.handles import UNKNOWN_HANDLE
 from splatbus_conformance.cases.malformed.init_packets import changed
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import CLIENT, Cases, check
 from splatbus_conformance.checks.v1_1.img import adapter as adapter_images
 from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
 from splatbus_conformance.images.memory.device import STAND_IN
@@ -43,7 +43,7 @@ def ring_for(trial: ClientTrial) -> Iterator[DeviceRing]:
 @check(
     "IMG-8",
     observable="digests of what the client read, where the image comes when its event is complete",
-    needs=READS,
+    on={CLIENT: READS},
     given=ring_for,
 )
 def check_shows_a_frame_after_its_event(trial: ClientTrial, ring: DeviceRing) -> None:
@@ -79,7 +79,7 @@ def check_shows_a_frame_after_its_event(trial: ClientTrial, ring: DeviceRing) ->
 @check(
     "IMG-13",
     observable="digests of what the client read, while a slot is spoilt as soon as it is released",
-    needs=READS,
+    on={CLIENT: READS},
     given=ring_for,
 )
 def check_releases_when_it_has_read_the_device(trial: ClientTrial, _: DeviceRing) -> None:
@@ -92,7 +92,7 @@ def check_releases_when_it_has_read_the_device(trial: ClientTrial, _: DeviceRing
 @check(
     "IMG-14",
     observable="digests of what the client shows, while every slot changes and none is lent",
-    needs=READS,
+    on={CLIENT: READS},
     given=ring_for,
 )
 def check_reads_only_what_it_holds_of_the_device(trial: ClientTrial, _: DeviceRing) -> None:
@@ -105,7 +105,7 @@ def check_reads_only_what_it_holds_of_the_device(trial: ClientTrial, _: DeviceRi
 @check(
     "CHN-18",
     observable="digests of what the client shows after the connection ended and the memory changed",
-    needs=READS,
+    on={CLIENT: READS},
     given=ring_for,
 )
 def check_leaves_the_device_when_the_connection_ends(trial: ClientTrial, _: DeviceRing) -> None:
@@ -115,7 +115,7 @@ def check_leaves_the_device_when_the_connection_ends(trial: ClientTrial, _: Devi
     adapter_images.check_leaves_the_buffers_when_the_connection_ends(trial)
 
 
-@check("OPN-1", observable="the answer to good device memory", needs=OPENS, given=ring_for)
+@check("OPN-1", observable="the answer to good device memory", on={CLIENT: OPENS}, given=ring_for)
 def check_opens_device_memory(trial: ClientTrial, _: DeviceRing) -> None:
     """A ring whose allocation, events and device are there: a client that declares `cuda_ipc` is
     able to open it, once and again on the next connection.
@@ -157,7 +157,7 @@ def unusable(trial: ClientTrial, ring: DeviceRing) -> Cases:
 @check(
     "INI-13",
     observable="the answer to device memory that cannot be opened, and to good memory after it",
-    needs=OPENS,
+    on={CLIENT: OPENS},
     given=ring_for,
     cases=unusable,
     may_crash=True,

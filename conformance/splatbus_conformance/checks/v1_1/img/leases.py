@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.text import broken_texts
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import (
@@ -37,7 +37,9 @@ MOST_LEASES = 64
 """Connections that a check ends at most while they hold a lease."""
 
 
-@check("IMG-9", observable="a reader sees the camera move while others hold frames", needs=LENDS)
+@check(
+    "IMG-9", observable="a reader sees the camera move while others hold frames", on={SERVER: LENDS}
+)
 def check_waits_for_no_reader(trial: ServerTrial) -> None:
     """One reader never answers the init packet, one or two hold a frame, and one reads on."""
     trial.viewer.opens = False
@@ -66,7 +68,9 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
 
 
 @check(
-    "IMG-4", observable="the bytes of the images that two readers hold", needs=(*LENDS, "pixels")
+    "IMG-4",
+    observable="the bytes of the images that two readers hold",
+    on={SERVER: (*LENDS, "pixels")},
 )
 def check_what_two_hold_is_not_written(trial: ServerTrial) -> None:
     """Two readers hold an image each, and not the same, while a third is shown others until the
@@ -92,7 +96,7 @@ def check_what_two_hold_is_not_written(trial: ServerTrial) -> None:
         )
 
 
-@check("IMG-5", observable="images of one pose, in every slot", needs=(*LENDS, "pixels"))
+@check("IMG-5", observable="images of one pose, in every slot", on={SERVER: (*LENDS, "pixels")})
 def check_every_slot_shows_the_same(trial: ServerTrial) -> None:
     """Readers hold an image each, one after the other, so that images come to lie in slots that are
     seldom used; in each of them a pose looks as it did.
@@ -133,7 +137,7 @@ def _held(trial: ServerTrial, reader: Connection) -> tuple[bytes, bytes]:
     return dealings.memory.color(slot).tobytes(), dealings.memory.depth(slot).tobytes()
 
 
-@check("IMG-16", observable="what becomes of the lease that is held", needs=LENDS)
+@check("IMG-16", observable="what becomes of the lease that is held", on={SERVER: LENDS})
 def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
     """Releases of other images, of other generations, and of what has been released already."""
     numbers = st.tuples(st.sampled_from(("seq", "generation", "twice")), st.integers(1, SAFE))
@@ -173,7 +177,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("IMG-17", observable="images go on after many readers left with a lease", needs=LENDS)
+@check("IMG-17", observable="images go on after many readers left with a lease", on={SERVER: LENDS})
 def check_ends_leases_with_the_connection(trial: ServerTrial) -> None:
     """More readers than there are slots hold an image each and leave, in three ways."""
     dealings = trial.viewer.with_(trial.reading())
@@ -213,7 +217,11 @@ def leave(trial: ServerTrial, connection: Connection, way: int) -> None:
         connection.close()
 
 
-@check("IMG-18", observable="the error, and the end, of the reader that is too many", needs=LENDS)
+@check(
+    "IMG-18",
+    observable="the error, and the end, of the reader that is too many",
+    on={SERVER: LENDS},
+)
 def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
     """Readers connect, and each holds an image of its own, until one is refused."""
     readers: list[Connection] = []
@@ -252,7 +260,7 @@ def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
 @check(
     "JSN-8",
     observable="that no frame follows such a release, and one follows a good one",
-    needs=LENDS,
+    on={SERVER: LENDS},
     may_crash=True,
 )
 def check_does_not_release_by_broken_text(trial: ServerTrial) -> None:

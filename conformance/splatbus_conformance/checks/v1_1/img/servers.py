@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.images.memory.reading import Opened, Pixels
 from splatbus_conformance.trials.controls import shows
 from splatbus_conformance.trials.moves.frame_readers import (
@@ -41,7 +41,7 @@ SAME_IMAGES = 5
 """As many images that show the same show a scene that does not move."""
 
 
-@check("IMG-2", observable="frames come after opened, and one at a time", needs=LENDS)
+@check("IMG-2", observable="frames come after opened, and one at a time", on={SERVER: LENDS})
 def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     """Memory is announced and not answered, then frames are held, while the camera moves on."""
     pause = pause_for_an_image(trial, REACTION_SECONDS)
@@ -72,7 +72,7 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
 @check(
     "IMG-2",
     observable="that no frame comes after closed or open_failed",
-    needs=LENDS,
+    on={SERVER: LENDS},
     cases=Cases(("closed", "open_failed")),
 )
 def check_lends_nothing_after_closed(trial: ServerTrial, answer: str) -> None:
@@ -93,7 +93,7 @@ def check_lends_nothing_after_closed(trial: ServerTrial, answer: str) -> None:
     other.close()
 
 
-@check("IMG-23", observable="no frame comes where welcome lists no frames", needs=LENDS)
+@check("IMG-23", observable="no frame comes where welcome lists no frames", on={SERVER: LENDS})
 def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
     """A reader that does not declare `frames` opens the memory, and the camera moves."""
     pause = pause_for_an_image(trial, REACTION_SECONDS)
@@ -112,7 +112,7 @@ def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
     trial.delivered += 1
 
 
-@check("IMG-3", observable="the camera of the frame that follows a long lease", needs=LENDS)
+@check("IMG-3", observable="the camera of the frame that follows a long lease", on={SERVER: LENDS})
 def check_announces_the_newest(trial: ServerTrial) -> None:
     """One reader holds a frame while another is shown newer images; then it releases."""
     holder, held = holding(trial)
@@ -140,7 +140,7 @@ def check_announces_the_newest(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("IMG-10", observable="how many frames come while nothing changes", needs=LENDS)
+@check("IMG-10", observable="how many frames come while nothing changes", on={SERVER: LENDS})
 def check_publishes_what_changed_only(trial: ServerTrial) -> None:
     """Nothing moves; then the pose that holds is sent again and again, spelled otherwise too."""
     connection = trial.reading()
@@ -171,7 +171,7 @@ def check_publishes_what_changed_only(trial: ServerTrial) -> None:
 @check(
     "IMG-10",
     observable="how many frames come of what is refused, or changes nothing",
-    needs=LENDS,
+    on={SERVER: LENDS},
 )
 def check_publishes_nothing_for_what_changes_nothing(trial: ServerTrial) -> None:
     """Nothing moves; then come poses that are refused, and the time and the objects as they are."""
@@ -264,7 +264,7 @@ def alike(one: LentImage, other: LentImage) -> bool:
     return all(one.frame.get(it) == other.frame.get(it) for it in named) and all(same)
 
 
-@check("IMG-11", observable="a frame comes in time when there is a newer image", needs=LENDS)
+@check("IMG-11", observable="a frame comes in time when there is a newer image", on={SERVER: LENDS})
 def check_sends_what_is_new(trial: ServerTrial) -> None:
     """The camera moves before a reader connects, while it waits and while it holds a frame."""
     moments = st.lists(st.sampled_from(("waiting", "holding", "connecting")), min_size=1)
@@ -299,7 +299,7 @@ REST = ("waiting", "holding", "waiting, having given it up")
 @check(
     "IMG-25",
     observable="a frame after each release of a scene at rest, until one can be read as subscribed",
-    needs=(*LENDS, "capability:subscribe"),
+    on={SERVER: (*LENDS, "capability:subscribe")},
     given=lambda trial: nullcontext(trial.reading()),
     cases=Cases(REST),
 )
@@ -316,7 +316,7 @@ def check_shows_what_is_newly_subscribed_to(
 @check(
     "IMG-25",
     observable="the same, where the newest image has depth already",
-    needs=(*LENDS, "capability:subscribe"),
+    on={SERVER: (*LENDS, "capability:subscribe")},
     given=lambda trial: nullcontext(trial.reading()),
     cases=Cases(REST[:2]),
 )
@@ -362,7 +362,7 @@ def expect_depth(trial: ServerTrial, connection: Connection, how: str) -> None:
 @check(
     "IMG-21",
     observable="what nobody wants is not written to the slots",
-    needs=(*LENDS, "capability:subscribe"),
+    on={SERVER: (*LENDS, "capability:subscribe")},
     given=lambda trial: nullcontext(trial.reading()),
     cases=Cases(("color", "depth")),
 )

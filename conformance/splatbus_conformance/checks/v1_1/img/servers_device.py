@@ -1,6 +1,6 @@
 """Checks on frames in device memory (spec 1.1 chapters 4 and 5)."""
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_0.cud.servers import (
     AnnouncedConnection,
     announced,
@@ -18,7 +18,7 @@ FRAMES = 20
 REST_SECONDS = 0.05
 
 
-@check("IMG-7", observable="when a slot is written and its event recorded", needs=LENDS)
+@check("IMG-7", observable="when a slot is written and its event recorded", on={SERVER: LENDS})
 def check_records_the_event_before_the_frame(trial: ServerTrial) -> None:
     """The server is launched anew with a runtime whose records take 5 milliseconds, so that one
     which is made after the frame was sent comes after the frame has arrived.
@@ -54,7 +54,7 @@ def arrivals(trial: ServerTrial, shown: AnnouncedConnection) -> list[float]:
     return [connection.arrived(it) for it in connection.messages if it.type == "frame"]
 
 
-@check("OPN-8", observable="the calls that free, while a ring is open", needs=LENDS)
+@check("OPN-8", observable="the calls that free, while a ring is open", on={SERVER: LENDS})
 def check_keeps_the_ring_while_somebody_has_it(trial: ServerTrial) -> None:
     """One reader has opened the ring. Others open it, close it, fail to, and leave."""
     shown = announced(trial, trial.reading())

@@ -16,7 +16,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
     breaches_of_1_1,
     changed,
 )
-from splatbus_conformance.checks import OPENS_HOST_MEMORY, Cases, check
+from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, Cases, check
 from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet, judge_breaches, offer
 from splatbus_conformance.images.memory.host import LINUX_FOLDER, HostMemory
 from splatbus_conformance.trials.client import ClientTrial
@@ -33,7 +33,7 @@ WHOLE_PAGES = PAGES * mmap.ALLOCATIONGRANULARITY
 @check(
     "MEM-6",
     observable="the testee answers open_failed, lives, and opens the good memory that follows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_measures_the_memory(trial: ClientTrial) -> None:
@@ -106,7 +106,7 @@ def bad_names(held: ExitStack) -> Iterator[tuple[Any, str]]:
 @check(
     "MEM-7",
     observable="the testee does not answer opened, and opens the good memory that follows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_refuses_bad_names(trial: ClientTrial) -> None:
@@ -127,7 +127,7 @@ def check_refuses_bad_names(trial: ClientTrial) -> None:
 @check(
     "MEM-10",
     observable="the testee does not answer opened, and opens the good memory that follows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_keeps_the_ring_within_the_memory(trial: ClientTrial) -> None:
@@ -140,7 +140,7 @@ def check_keeps_the_ring_within_the_memory(trial: ClientTrial) -> None:
 @check(
     "MEM-11",
     observable="the testee does not answer opened, and opens the good memory that follows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     may_crash=True,
 )
 def check_refuses_broken_members(trial: ClientTrial) -> None:
@@ -153,7 +153,7 @@ def check_refuses_broken_members(trial: ClientTrial) -> None:
 @check(
     "MEM-11",
     observable="the testee does not answer opened, or not a second time",
-    needs=(*OPENS_HOST_MEMORY, "capability:reinit"),
+    on={CLIENT: (*OPENS_HOST_MEMORY, "capability:reinit")},
     may_crash=True,
 )
 def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
@@ -180,7 +180,7 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
 @check(
     "MEM-18",
     observable="the testee answers opened to init packets of later versions",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     cases=Cases((2, 10, 11, 100), st.integers(3, 1 << 70), quick=2, full=20),
 )
 def check_takes_later_versions(trial: ClientTrial, minor: int) -> None:
@@ -194,7 +194,7 @@ def check_takes_later_versions(trial: ClientTrial, minor: int) -> None:
 @check(
     "MEM-19",
     observable="how the memory is opened when opened arrives (Linux), also where its mode is 0400",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
 )
 def check_opens_memory_for_reading_only(trial: ClientTrial) -> None:
     """Memory of mode 0600, then of mode 0400; whoever has it must not be able to write to it."""

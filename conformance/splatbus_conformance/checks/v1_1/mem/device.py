@@ -1,6 +1,6 @@
 """A check on the device memory that a server announces for frames (spec 1.1 chapter 3)."""
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.server import ServerTrial
 
 LENDS = ("1.1", "cuda", "device", "capability:cuda_ipc", "capability:frames")
@@ -9,7 +9,7 @@ LENDS = ("1.1", "cuda", "device", "capability:cuda_ipc", "capability:frames")
 @check(
     "MEM-2",
     observable="what opening its memory and its events comes to",
-    needs=LENDS,
+    on={SERVER: LENDS},
     cases=Cases(range(3)),
 )
 def check_announces_device_memory_that_is_there(trial: ServerTrial, _: int) -> None:

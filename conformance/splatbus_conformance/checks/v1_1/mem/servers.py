@@ -2,7 +2,7 @@
 
 import os
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_1.neg.servers import named
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
 from splatbus_conformance.trials.server import ServerTrial
@@ -22,7 +22,7 @@ def opened(trial: ServerTrial, connection: Connection) -> Opened:
     return memory
 
 
-@check("MEM-1", observable="the version that welcome names", needs=("opens",))
+@check("MEM-1", observable="the version that welcome names", on={SERVER: ("opens",)})
 def check_speaks_the_version_that_it_announces(trial: ServerTrial) -> None:
     """Says hello anew, with the version of the init packet before 1.1."""
     connection = trial.ready("ipc")
@@ -40,7 +40,7 @@ def check_speaks_the_version_that_it_announces(trial: ServerTrial) -> None:
     trial.delivered += 1
 
 
-@check("MEM-4", observable="the mode of the memory", needs=("opens",))
+@check("MEM-4", observable="the mode of the memory", on={SERVER: ("opens",)})
 def check_lets_only_its_user_in(trial: ServerTrial) -> None:
     """Reads the permissions of the memory that is announced."""
     mode = opened(trial, trial.reading()).mode() or 0
@@ -50,7 +50,7 @@ def check_lets_only_its_user_in(trial: ServerTrial) -> None:
     trial.delivered += 1
 
 
-@check("MEM-4", observable="whether it was there before", needs=("opens",), may_crash=True)
+@check("MEM-4", observable="whether it was there before", on={SERVER: ("opens",)}, may_crash=True)
 def check_creates_memory_of_its_own(trial: ServerTrial) -> None:
     """Launches the server anew, where a file has the name that its memory had before."""
     memory = opened(trial, trial.reading())
@@ -80,7 +80,7 @@ def file_of(trial: ServerTrial) -> int | None:
     return path.stat().st_ino if path and path.exists() else None
 
 
-@check("MEM-5", observable="its size while it is used, and after the end", needs=("opens",))
+@check("MEM-5", observable="its size while it is used, and after the end", on={SERVER: ("opens",)})
 def check_keeps_the_size(trial: ServerTrial) -> None:
     """The camera moves, readers come and go, one fails to open it; then the server ends."""
     connection = trial.reading()

@@ -4,7 +4,7 @@ from contextlib import nullcontext
 
 from hypothesis import strategies as st
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.checks.v1_1.neg.errors import IN_MESSAGES, IN_TEXT
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import work_off
@@ -18,7 +18,7 @@ from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 
-@check("NEG-29", observable="answers come in order, one each, after hello", needs=("1.1",))
+@check("NEG-29", observable="answers come in order, one each, after hello", on={SERVER: ("1.1",)})
 def check_answers_each_request_in_order(trial: ServerTrial) -> None:
     """Requests of every kind, with and without ids, good and broken, many at a time, beside a
     client that floods the server with poses; some on a connection that agreed on nothing.
@@ -59,7 +59,7 @@ def check_answers_each_request_in_order(trial: ServerTrial) -> None:
     work_off(trial, flooder)
 
 
-@check("NEG-23", observable="the id of errors that answer requests", needs=("1.1",))
+@check("NEG-23", observable="the id of errors that answer requests", on={SERVER: ("1.1",)})
 def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
     """Requests that are broken, and good ones whose capability was not agreed upon, each with an
     id: the least, the greatest and others. An error that comes of one has it.
@@ -79,7 +79,7 @@ def check_errors_name_the_request_that_they_answer(trial: ServerTrial) -> None:
         trial.not_observable("the server sends no error in answer to a request")
 
 
-@check("NEG-23", observable="that errors about no request have no id", needs=("1.1",))
+@check("NEG-23", observable="that errors about no request have no id", on={SERVER: ("1.1",)})
 def check_errors_about_no_request_name_none(trial: ServerTrial) -> None:
     """Faults in what is no request, behind a request that has an id: a client would take an error
     with that for the answer to its request.
@@ -107,7 +107,7 @@ OF_NO_REQUEST = [
 @check(
     "NEG-28",
     observable="the ids of answers to requests that share one",
-    needs=("1.1",),
+    on={SERVER: ("1.1",)},
     given=lambda trial: nullcontext(trial.greeted("msg")),
     cases=Cases((0, 7, SAFE, None)),
 )

@@ -6,7 +6,14 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT, spell
-from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, OPENS_HOST_MEMORY, Cases, check
+from splatbus_conformance.checks import (
+    CLIENT,
+    CLIENT_IPC,
+    CLIENT_MSG,
+    OPENS_HOST_MEMORY,
+    Cases,
+    check,
+)
 from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
@@ -63,7 +70,7 @@ def unwelcome(trial: ClientTrial, channel: Channel) -> Connection:
 @check(
     "NEG-4",
     observable="memory is opened, a frame released, old memory closed, as declared",
-    needs=("hello:ipc",),
+    on={CLIENT: ("hello:ipc",)},
 )
 def check_can_do_what_it_declares(trial: ClientTrial) -> None:
     """Uses each capability that the testee declares, as far as this machine can."""
@@ -91,7 +98,7 @@ def check_can_do_what_it_declares(trial: ClientTrial) -> None:
 @check(
     "NEG-5",
     observable="what the testee sends before welcome, and after one that grants little",
-    needs=("hello:ipc",),
+    on={CLIENT: ("hello:ipc",)},
 )
 def check_sends_only_what_was_granted(trial: ClientTrial) -> None:
     """First no welcome for a while, then one that grants host_shm alone."""
@@ -128,7 +135,7 @@ def alone(trial: ClientTrial) -> Cases:
 @check(
     "NEG-5",
     observable="what the testee sends on the message channel after a welcome that grants little",
-    needs=("hello:msg", "returns:msg"),
+    on={CLIENT: ("hello:msg", "returns:msg")},
     cases=alone,
 )
 def check_sends_only_what_was_granted_on_the_message_channel(
@@ -163,7 +170,7 @@ def judge_agreement(trial: ClientTrial, connection: Connection, what: str) -> No
 @check(
     "NEG-8",
     observable="the testee opens memory after a welcome with capabilities that nobody knows",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     cases=Cases(UNKNOWN, st.lists(WORDS, max_size=5, unique=True), quick=3, full=12),
 )
 def check_ignores_unknown_capabilities(trial: ClientTrial, unknown: list[str]) -> None:
@@ -179,7 +186,7 @@ def check_ignores_unknown_capabilities(trial: ClientTrial, unknown: list[str]) -
 @check(
     "NEG-8",
     observable="the testee goes on after a welcome with capabilities that nobody knows",
-    needs=("hello:msg", "returns:msg"),
+    on={CLIENT: ("hello:msg", "returns:msg")},
     cases=Cases(UNKNOWN, st.lists(WORDS, min_size=1, max_size=5, unique=True), quick=3, full=12),
 )
 def check_ignores_unknown_capabilities_of_the_message_channel(
@@ -201,7 +208,7 @@ STRANGERS = st.builds(
 @check(
     "NEG-9",
     observable="the testee goes on after messages of unknown types",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
     cases=Cases(drawn=STRANGERS, quick=10, full=100),
 )
 def check_ignores_unknown_types(trial: ClientTrial, message: Json) -> None:
@@ -214,7 +221,7 @@ def check_ignores_unknown_types(trial: ClientTrial, message: Json) -> None:
 @check(
     "NEG-9",
     observable="the testee goes on after messages of unknown types on the message channel",
-    needs=("hello:msg", "poses"),
+    on={CLIENT: ("hello:msg", "poses")},
 )
 def check_ignores_unknown_types_of_the_message_channel(trial: ClientTrial) -> None:
     """Messages of types that nobody knows, some with the members of replies; the first comes while
@@ -284,7 +291,7 @@ def outcome_of_closing(trial: ClientTrial, connection: Connection, code: str) ->
 @check(
     "NEG-24",
     observable="the process lives, and the testee goes on or comes back after a pause",
-    needs=(*OPENS_HOST_MEMORY, "returns:ipc"),
+    on={CLIENT: (*OPENS_HOST_MEMORY, "returns:ipc")},
     may_crash=True,
 )
 def check_survives_errors(trial: ClientTrial) -> None:
@@ -307,7 +314,7 @@ def check_survives_errors(trial: ClientTrial) -> None:
 @check(
     "NEG-24",
     observable="the process lives, and the testee goes on or comes back after a pause",
-    needs=("hello:msg", "returns:msg"),
+    on={CLIENT: ("hello:msg", "returns:msg")},
     may_crash=True,
 )
 def check_survives_errors_on_the_message_channel(trial: ClientTrial) -> None:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.poses import broken_poses
-from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
+from splatbus_conformance.checks import SERVER, SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.checks.v1_1.neg.servers import refused
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
@@ -80,7 +80,7 @@ IN_MESSAGES = [
 ]
 
 
-@check("NEG-22", observable="what a server says to faults before hello")
+@check("NEG-22", on={SERVER: ()}, observable="what a server says to faults before hello")
 def check_reports_nothing_before_hello(trial: ServerTrial) -> None:
     """Every fault that a server may report later, and a `hello` that nobody can read."""
     broken = packet(encode(hello([]))[:-1])
@@ -117,7 +117,7 @@ def no_hello(fault: FaultyMessage) -> bool:
 @check(
     "NEG-25",
     observable="the end of the connection after an error",
-    needs=("1.1",),
+    on={SERVER: ("1.1",)},
     may_crash=True,
 )
 def check_closes_after_an_error_that_ends(trial: ServerTrial) -> None:
@@ -147,7 +147,7 @@ def ends_it(trial: ServerTrial, connection: Connection, what: str) -> bool:
     return bool(codes)
 
 
-@check("NEG-34", observable="the error, the end after it, and no reset", needs=("1.1",))
+@check("NEG-34", observable="the error, the end after it, and no reset", on={SERVER: ("1.1",)})
 def check_ends_in_good_order(trial: ServerTrial) -> None:
     """Clients send much after what an error answers that ends: all of them read the error, then the
     end, and the server goes on reading; not for ever, though, where they do not end their side.
@@ -226,7 +226,7 @@ def check_refuses_broken_hellos(trial: ServerTrial, channel: Channel, changes: J
     trial.delivered += 1
 
 
-@check("NEG-26", observable="the connection goes on after an error", needs=("1.1",))
+@check("NEG-26", observable="the connection goes on after an error", on={SERVER: ("1.1",)})
 def check_goes_on_after_an_error(trial: ServerTrial) -> None:
     """Faults in texts and messages, the same again and again, and poses of a second client, which
     may be told `busy`; judged where an error comes.
@@ -262,7 +262,7 @@ MANY = 200
 """Messages that are wrong, of a client that is of a later version, say."""
 
 
-@check("NEG-32", observable="the error that a rotation is answered with", needs=("1.1",))
+@check("NEG-32", observable="the error that a rotation is answered with", on={SERVER: ("1.1",)})
 def check_reports_what_is_no_rotation(trial: ServerTrial) -> None:
     """Poses whose quaternions have norms from 0 to 1e200, and none within 0.01 of 1."""
     connection = trial.ready("msg")

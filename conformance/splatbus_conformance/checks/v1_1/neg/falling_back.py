@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from splatbus_conformance.checks import CLIENT_IPC, CLIENT_MSG, Cases, check
+from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, Cases, check
 from splatbus_conformance.checks.v1_0.req.clients import answer_all
 from splatbus_conformance.checks.v1_1.neg.clients import declared, heard, listen
 from splatbus_conformance.trials.client import ClientTrial
@@ -55,7 +55,7 @@ def beyond_1_0(trial: ClientTrial, fallen: Fallen) -> set[str]:
 @check(
     "NEG-13",
     observable="what the testee sends on the message channel of a 1.0 server",
-    needs=("hello:msg",),
+    on={CLIENT: ("hello:msg",)},
 )
 def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
     """A server that knows no hello answers get_viewport_size, once the testee has said what it
@@ -71,7 +71,7 @@ def check_falls_back_on_the_message_channel(trial: ClientTrial) -> None:
 @check(
     "NEG-14",
     observable="what the testee sends on the IPC channel of a 1.0 server",
-    needs=("hello:ipc",),
+    on={CLIENT: ("hello:ipc",)},
 )
 def check_falls_back_on_the_ipc_channel(trial: ClientTrial) -> None:
     """A server that knows no hello sends its init packet at once; the testee is listened to, and
@@ -124,7 +124,7 @@ def check_ignores_a_late_welcome(trial: ClientTrial, channel: Channel, version: 
 @check(
     "NEG-39",
     observable="whether get_viewport_size follows hello where no welcome comes",
-    needs=("hello:msg", "returns:msg"),
+    on={CLIENT: ("hello:msg", "returns:msg")},
 )
 def check_asks_for_the_size_after_hello(trial: ClientTrial) -> None:
     """A server that says nothing to `hello` is listened to by a testee that declares capabilities

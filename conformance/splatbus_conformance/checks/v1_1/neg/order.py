@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import SERVER_IPC, SERVER_MSG, Cases, check
+from splatbus_conformance.checks import SERVER, SERVER_IPC, SERVER_MSG, Cases, check
 from splatbus_conformance.checks.v1_1.neg.tokens import with_token
 from splatbus_conformance.trials.moves.control import controlling
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
@@ -78,7 +78,7 @@ WITHOUT_THE_TOKEN: list[tuple[Json, str]] = [
 @check(
     "NEG-36",
     observable="the code of the error that comes of two faults",
-    needs=("1.1",),
+    on={SERVER: ("1.1",)},
     cases=Cases(BESIDE_NO_CAPABILITY),
 )
 def check_looks_at_the_capability_before_the_form(
@@ -102,7 +102,7 @@ def beside_control(trial: ServerTrial) -> Iterator[Connection]:
 @check(
     "NEG-36",
     observable="the code of the error that comes of two faults",
-    needs=("1.1",),
+    on={SERVER: ("1.1",)},
     given=beside_control,
     cases=lambda trial, connection: Cases(
         [it for it in BESIDE_WHO_HAS_CONTROL if not it.needs or trial.facts.grants(it.needs)]
@@ -132,7 +132,7 @@ def codes_of(trial: ServerTrial, connection: Connection) -> list[str]:
     return dealings.errors()
 
 
-@check("NEG-36", observable="the code of the error that answers a header", needs=("1.1",))
+@check("NEG-36", observable="the code of the error that answers a header", on={SERVER: ("1.1",)})
 def check_says_what_is_wrong_with_a_length(trial: ServerTrial) -> None:
     """Headers of too much and of nothing, after `hello`; judged where an error comes."""
     for channel, (length, code) in trial.each(itertools.product(CHANNELS, LENGTHS.items())):
@@ -147,7 +147,7 @@ def check_says_what_is_wrong_with_a_length(trial: ServerTrial) -> None:
         trial.not_observable("the server says nothing of a length that is none")
 
 
-@check("NEG-36", observable="the code of the error that comes of two faults", needs=("1.1",))
+@check("NEG-36", observable="the code of the error that comes of two faults", on={SERVER: ("1.1",)})
 def check_looks_at_a_hello_in_order(trial: ServerTrial) -> None:
     """Without the token: a hello without `client`, and one of a version that nobody speaks."""
     with with_token(trial):

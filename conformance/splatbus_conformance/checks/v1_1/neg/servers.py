@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
 from splatbus_conformance.trials.moves.frame_readers import joined
@@ -63,7 +63,7 @@ def named(trial: ServerTrial, channel: Channel, versions: list[str], **more: obj
     return (answer or {}).get("version")
 
 
-@check("NEG-6", observable="the version that welcome names, for many lists", needs=("1.1",))
+@check("NEG-6", observable="the version that welcome names, for many lists", on={SERVER: ("1.1",)})
 def check_names_the_first_version_that_it_speaks(trial: ServerTrial) -> None:
     """Lists of up to 16 versions, of which the server speaks one or two, in any order; of clients
     whose names have no character, or as many as they may.
@@ -95,7 +95,7 @@ def unasked(trial: ServerTrial) -> Cases:
     return Cases(found if trial.viewer.token is None else found[:1])
 
 
-@check("NEG-6", observable="the welcome after other messages", needs=("1.1",), cases=unasked)
+@check("NEG-6", observable="the welcome after other messages", on={SERVER: ("1.1",)}, cases=unasked)
 def check_answers_a_hello_that_comes_late(trial: ServerTrial, case: tuple[Channel, Json]) -> None:
     """Something else comes before `hello`: what is answered, and what is ignored."""
     channel, message = case
@@ -108,7 +108,9 @@ def check_answers_a_hello_that_comes_late(trial: ServerTrial, case: tuple[Channe
     trial.delivered += 1
 
 
-@check("NEG-7", observable="the capabilities of welcome, for every set offered", needs=("1.1",))
+@check(
+    "NEG-7", observable="the capabilities of welcome, for every set offered", on={SERVER: ("1.1",)}
+)
 def check_grants_what_both_have(trial: ServerTrial) -> None:
     """Offers everything first; what is granted then is what the server has."""
     has = {channel: granted(trial, channel, CAPABILITIES[channel]) for channel in CHANNELS}
@@ -123,7 +125,7 @@ def check_grants_what_both_have(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("NEG-7", observable="the errors after what belongs to a capability", needs=("1.1",))
+@check("NEG-7", observable="the errors after what belongs to a capability", on={SERVER: ("1.1",)})
 def check_has_what_it_grants(trial: ServerTrial) -> None:
     """A valid message of each capability that `welcome` lists: none may be refused because its type
     were not known, or its capability not agreed upon. That images cannot have a size may be said.
@@ -181,7 +183,9 @@ def listing(names: object) -> str:
     return ", ".join(sorted(names)) or "nothing"  # type: ignore[call-overload]
 
 
-@check("NEG-8", observable="welcome and images are as without the unknown ones", needs=("1.1",))
+@check(
+    "NEG-8", observable="welcome and images are as without the unknown ones", on={SERVER: ("1.1",)}
+)
 def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
     """`hello` lists capabilities of another time among the real ones, up to 64 in all."""
     offered = trial.viewer.capabilities["ipc"]
@@ -204,7 +208,9 @@ def check_ignores_unknown_capabilities(trial: ServerTrial) -> None:
         connection.close()
 
 
-@check("NEG-9", observable="the server goes on after messages of unknown types", needs=("1.1",))
+@check(
+    "NEG-9", observable="the server goes on after messages of unknown types", on={SERVER: ("1.1",)}
+)
 def check_ignores_unknown_types(trial: ServerTrial) -> None:
     """Messages of types that nobody knows, after `hello` on either channel."""
     names = st.text(LETTERS, min_size=12, max_size=30) | st.text(CHARACTERS, max_size=100).filter(
@@ -258,7 +264,7 @@ def refused(
     return connection, told
 
 
-@check("NEG-10", observable="the error, and the end of the connection", needs=("1.1",))
+@check("NEG-10", observable="the error, and the end of the connection", on={SERVER: ("1.1",)})
 def check_refuses_unknown_versions(trial: ServerTrial) -> None:
     """Lists of versions that nobody speaks yet."""
     lists = st.lists(UNSPOKEN, min_size=1, max_size=LIMITS["max_versions"])
@@ -279,7 +285,7 @@ def check_refuses_unknown_versions(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("NEG-33", observable="welcome, and the replies after it", needs=("1.1",))
+@check("NEG-33", observable="welcome, and the replies after it", on={SERVER: ("1.1",)})
 def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
     """A client that offers everything, and speaks 1.0 alone: what follows is as without `hello`."""
     for channel in trial.each(CHANNELS):
@@ -331,7 +337,7 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial) -> None:
         trial.delivered += 1
 
 
-@check("NEG-11", observable="no init packet comes before it is wanted", needs=("1.1",))
+@check("NEG-11", observable="no init packet comes before it is wanted", on={SERVER: ("1.1",)})
 def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> None:
     """Connections without `hello`, and with one that does not list `host_shm`."""
     memory = (trial.facts.init_packet or {}).get("memory")
@@ -352,7 +358,7 @@ def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> None:
     trial.delivered += len(waiting) if told else 0
 
 
-@check("NEG-15", observable="the first packet on a silent connection", needs=("1.1",))
+@check("NEG-15", observable="the first packet on a silent connection", on={SERVER: ("1.1",)})
 def check_sends_cuda_memory_at_once(trial: ServerTrial) -> None:
     """A connection on which nothing is said, to a server that announces CUDA memory."""
     greeted = trial.viewer.with_(trial.greeted("ipc", capabilities=list(ON_IPC)))

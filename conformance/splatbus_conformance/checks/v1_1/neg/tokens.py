@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_0.lim_sec import accepts, addresses
 from splatbus_conformance.checks.v1_1.neg.servers import CHARACTERS, refused
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
@@ -60,7 +60,9 @@ def _welcomes_anyone(trial: ServerTrial) -> bool:
     return False
 
 
-@check("NEG-12", observable="when a silent connection is closed", needs=("1.1",), profile="full")
+@check(
+    "NEG-12", observable="when a silent connection is closed", on={SERVER: ("1.1",)}, profile="full"
+)
 def check_closes_who_says_no_hello(trial: ServerTrial) -> None:
     """Silence on either channel, requests again and again, and bytes that come one by one, for
     longer than 10 seconds.
@@ -86,7 +88,9 @@ def check_closes_who_says_no_hello(trial: ServerTrial) -> None:
             trial.greeted(channel)
 
 
-@check("NEG-17", observable="where it listens without a token", needs=("1.1",), may_crash=True)
+@check(
+    "NEG-17", observable="where it listens without a token", on={SERVER: ("1.1",)}, may_crash=True
+)
 def check_listens_on_loopback_without_a_token(trial: ServerTrial) -> None:
     """Launches the server to listen on every address: with a token, as a control, then without."""
     others, ports = addresses(), trial.peer.ports
@@ -124,7 +128,7 @@ def is_loopback(host: str) -> bool:
     return ipaddress.ip_address(socket.gethostbyname(host)).is_loopback
 
 
-@check("NEG-18", observable="what a wrong token is answered", needs=("1.1",))
+@check("NEG-18", observable="what a wrong token is answered", on={SERVER: ("1.1",)})
 def check_refuses_other_tokens(trial: ServerTrial) -> None:
     """No token, and others that are like the right one or not, on either channel."""
     drawn = st.text(CHARACTERS, min_size=1, max_size=LIMITS["max_token_chars"])
@@ -159,7 +163,9 @@ def expect_refusal(trial: ServerTrial, channel: Channel, token: str | None) -> N
     connection.close()
 
 
-@check("NEG-19", observable="what a client of 1.0 gets, and whether it moves", needs=("1.1",))
+@check(
+    "NEG-19", observable="what a client of 1.0 gets, and whether it moves", on={SERVER: ("1.1",)}
+)
 def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
     """Requests and a pose without `hello`, to a server that requires a token."""
     requests = [VIEWPORT_REQUEST, {"type": "get_camera_pose", "cam_idx": 0}, camera_pose()]
@@ -183,7 +189,7 @@ def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
             )
 
 
-@check("NEG-33", observable="replies to who said the token and speaks 1.0", needs=("1.1",))
+@check("NEG-33", observable="replies to who said the token and speaks 1.0", on={SERVER: ("1.1",)})
 def check_the_token_lets_1_0_in(trial: ServerTrial) -> None:
     """A hello with the token that lists 1.0 alone, to a server that requires one; then requests."""
     with with_token(trial):

@@ -11,7 +11,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.cases.malformed.init_packets import ABSENT, ROOM, changed
 from splatbus_conformance.cases.shrinking import without_one
 from splatbus_conformance.cases.valid.init_packets import SEMANTICS, layouts
-from splatbus_conformance.checks import DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
+from splatbus_conformance.checks import CLIENT, DECLARES_HOST_MEMORY, OPENS_HOST_MEMORY, check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.testee.os_evidence import holders, owner
@@ -50,7 +50,7 @@ def names_memory(init_packet: Json) -> bool:
 @check(
     "OPN-1",
     observable="the number of opened and open_failed for each generation",
-    needs=DECLARES_HOST_MEMORY,
+    on={CLIENT: DECLARES_HOST_MEMORY},
 )
 def check_answers_each_init_packet_once(trial: ClientTrial) -> None:
     """Good init packets, three in one segment where the testee takes further ones: rings of all
@@ -95,7 +95,7 @@ def check_answers_each_init_packet_once(trial: ClientTrial) -> None:
 @check(
     "OPN-2",
     observable="which processes hold the memory when opened arrives (Linux); no opened for none",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
 )
 def check_maps_before_it_says_so(trial: ClientTrial) -> None:
     """Whenever `opened` arrives, the testee's process must have mapped the memory; memory that does
@@ -132,7 +132,7 @@ def check_maps_before_it_says_so(trial: ClientTrial) -> None:
 @check(
     "OPN-3",
     observable="the reason in each open_failed",
-    needs=DECLARES_HOST_MEMORY,
+    on={CLIENT: DECLARES_HOST_MEMORY},
     may_crash=True,
 )
 def check_says_why_it_failed(trial: ClientTrial) -> None:
@@ -173,7 +173,7 @@ def check_says_why_it_failed(trial: ClientTrial) -> None:
 @check(
     "OPN-4",
     observable="the connection stays open, and good memory is opened on it",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
 )
 def check_keeps_the_connection_after_failing(trial: ClientTrial) -> None:
     """Memory that does not exist is announced twice, and then memory that does, where the testee
@@ -204,7 +204,7 @@ def check_keeps_the_connection_after_failing(trial: ClientTrial) -> None:
 @check(
     "OPN-5",
     observable="closed for each former generation, once; that nobody holds its memory then (Linux)",
-    needs=TAKES_FURTHER,
+    on={CLIENT: TAKES_FURTHER},
 )
 def check_closes_the_former_memory(trial: ClientTrial) -> None:
     """Four pieces of memory of different sizes follow one another; frames are lent meanwhile."""
@@ -245,7 +245,7 @@ def check_closes_the_former_memory(trial: ClientTrial) -> None:
 @check(
     "OPN-6",
     observable="no answer to the further init packet; a frame of the former memory is released",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
 )
 def check_ignores_what_it_was_not_granted(trial: ClientTrial) -> None:
     """`welcome` does not list reinit; memory is opened, and a further init packet announces other
@@ -282,7 +282,7 @@ def check_ignores_what_it_was_not_granted(trial: ClientTrial) -> None:
 @check(
     "OPN-10",
     observable="the memory is there and unchanged after the testee has read it, closed, and ended",
-    needs=OPENS_HOST_MEMORY,
+    on={CLIENT: OPENS_HOST_MEMORY},
 )
 def check_leaves_the_memory_alone(trial: ClientTrial) -> None:
     """The testee opens memory and reads its slots; then the connection is closed, and the process
@@ -332,7 +332,7 @@ def answered_before(trial: ClientTrial) -> Iterator[tuple[str, Json, Json]]:
 @check(
     "OPN-11",
     observable="no second answer to a generation that is announced again",
-    needs=TAKES_FURTHER,
+    on={CLIENT: TAKES_FURTHER},
     may_crash=True,
 )
 def check_answers_no_generation_twice(trial: ClientTrial) -> None:

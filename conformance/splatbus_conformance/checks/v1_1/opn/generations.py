@@ -7,7 +7,7 @@ from pathlib import Path
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
 from splatbus_conformance.checks.v1_1.cam.resized import Sitting, other, sitting
@@ -60,7 +60,7 @@ def memory_of(trial: ServerTrial, connection: Connection) -> Opened:
 @check(
     "VPT-7",
     observable="when the name of former memory is gone",
-    needs=(*RESIZES, "opens"),
+    on={SERVER: (*RESIZES, "opens")},
     given=resizing,
     cases=lambda trial, _: Cases(list(enumerate(other_sizes(trial)[:2]))),
 )
@@ -104,7 +104,7 @@ def check_frees_former_memory(
 @check(
     "OPN-8",
     observable="former memory, and an image in it, until its reader closes it",
-    needs=(*RESIZES, "opens"),
+    on={SERVER: (*RESIZES, "opens")},
     given=resizing,
 )
 def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial, client: Connection) -> None:
@@ -138,7 +138,7 @@ def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial, client: Con
 @check(
     "OPN-8",
     observable="former memory while a reader has not answered its init packet",
-    needs=(*RESIZES, "opens"),
+    on={SERVER: (*RESIZES, "opens")},
     given=resizing,
 )
 def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial, client: Connection) -> None:
@@ -168,7 +168,7 @@ def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial, client: Co
 @check(
     "IMG-5",
     observable="every pixel of images of other sizes",
-    needs=(*RESIZES, "pixels"),
+    on={SERVER: (*RESIZES, "pixels")},
     given=sitting,
     cases=other(3),
 )
@@ -207,7 +207,7 @@ def through_a_lens(trial: ServerTrial) -> Iterator[tuple[Sitting, Json]]:
 @check(
     "CAM-5",
     observable="the camera of frames of another size",
-    needs=(*RESIZES, "pixels", "capability:intrinsics"),
+    on={SERVER: (*RESIZES, "pixels", "capability:intrinsics")},
     given=through_a_lens,
     cases=lambda trial, _: Cases([*other_sizes(trial)[:3], trial.facts.size]),
 )
@@ -226,7 +226,7 @@ def check_lenses_are_scaled_to_another_size(
 @check(
     "OPN-14",
     observable="frames of the next generation without a release",
-    needs=RESIZES,
+    on={SERVER: RESIZES},
     given=resizing,
     cases=lambda trial, _: Cases(
         list(zip(("closed", "open_failed"), other_sizes(trial), strict=False))
@@ -263,7 +263,7 @@ def check_closed_ends_the_lease(
 @check(
     "VPT-8",
     observable="when readers that keep former memory are closed",
-    needs=RESIZES,
+    on={SERVER: RESIZES},
     given=resizing,
 )
 def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> None:

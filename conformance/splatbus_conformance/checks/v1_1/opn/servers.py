@@ -5,7 +5,7 @@ import os
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import Cases, check
+from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER
 from splatbus_conformance.trials.moves.frame_readers import LENDS, answer_and_leave, beside, holding
 from splatbus_conformance.trials.server import ServerTrial
@@ -20,7 +20,9 @@ SAFE: int = LIMITS["max_safe_integer"]
 GONE_SECONDS = 2.0
 
 
-@check("OPN-8", observable="a reader's images while others say that they are done", needs=LENDS)
+@check(
+    "OPN-8", observable="a reader's images while others say that they are done", on={SERVER: LENDS}
+)
 def check_keeps_memory_while_somebody_has_it(trial: ServerTrial) -> None:
     """One reader holds an image; others open the same memory, close it, fail, and leave."""
     holder, frame = holding(trial)
@@ -48,7 +50,7 @@ def check_keeps_memory_while_somebody_has_it(trial: ServerTrial) -> None:
     trial.expect(seen, "no-frame", "after the others had left, the first was sent no further image")
 
 
-@check("OPN-9", observable="the names that are left", needs=("opens",), may_crash=True)
+@check("OPN-9", observable="the names that are left", on={SERVER: ("opens",)}, may_crash=True)
 def check_leaves_no_memory_behind(trial: ServerTrial) -> None:
     """The server is asked to end; started again, and killed; and started again."""
     if not LINUX_FOLDER.is_dir():
@@ -117,7 +119,7 @@ ANSWERS = st.sampled_from(("opened", "open_failed", "closed"))
 @check(
     "OPN-12",
     observable="the server goes on after such answers",
-    needs=("1.1",),
+    on={SERVER: ("1.1",)},
     cases=Cases(drawn=st.tuples(ANSWERS, st.integers(1, SAFE), st.booleans()), quick=12, full=300),
 )
 def check_ignores_generations_that_it_did_not_announce(

@@ -2,7 +2,7 @@
 
 from hypothesis import strategies as st
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import CLIENT, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.wire.messages import SERIES
 from splatbus_conformance.wire.sockets import Connection
@@ -29,7 +29,7 @@ def subscribed(trial: ClientTrial) -> Connection:
 @check(
     "TEL-6",
     observable="the testee goes on; whether it kept the others of the message is not to be seen",
-    needs=("hello:msg", "says:subscribe_telemetry", "returns:msg"),
+    on={CLIENT: ("hello:msg", "says:subscribe_telemetry", "returns:msg")},
     may_crash=True,
 )
 def check_ignores_series_of_unknown_kinds(trial: ClientTrial) -> None:

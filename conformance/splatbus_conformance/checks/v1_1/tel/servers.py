@@ -7,7 +7,7 @@ from typing import Any
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import check
+from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_1.tim_png import ClockReading, expect_one_offset, read_clock
 from splatbus_conformance.trials.moves.image_session import answers
 from splatbus_conformance.trials.server import ServerTrial
@@ -82,7 +82,7 @@ def names_in(message: Json) -> list[str]:
     return texts([within(it, "name") for it in held]) if isinstance(held, list) else []
 
 
-@check("TEL-2", observable="the numbers and the times of telemetry", needs=TELLS)
+@check("TEL-2", observable="the numbers and the times of telemetry", on={SERVER: TELLS})
 def check_numbers_what_it_tells(trial: ServerTrial) -> None:
     """Everything is subscribed to while the camera moves."""
     listener = TelemetryReader(trial)
@@ -109,7 +109,7 @@ def check_numbers_what_it_tells(trial: ServerTrial) -> None:
     trial.expect(ascends, "not-ascending", f"the numbers of telemetry are {show(told[:20])}")
 
 
-@check("TEL-3", observable="the names in telemetry, and when none comes", needs=TELLS)
+@check("TEL-3", observable="the names in telemetry, and when none comes", on={SERVER: TELLS})
 def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
     """Nothing is subscribed to, then everything, then some series, of which one is not there, and
     nothing again; beside it is a client that did not agree on telemetry, and one that is told
@@ -159,7 +159,7 @@ def check_tells_what_was_asked_for_alone(trial: ServerTrial) -> None:
     )
 
 
-@check("TEL-7", observable="when a series is told to each who wants it", needs=TELLS)
+@check("TEL-7", observable="when a series is told to each who wants it", on={SERVER: TELLS})
 def check_tells_everyone_who_subscribed(trial: ServerTrial) -> None:
     """One client wants everything, another only the series that the first is told, each in turn:
     whenever the first is told it, so is the second, within 5 seconds.
