@@ -1,7 +1,7 @@
 """Checks: each plays one scenario with the testee and judges one requirement by it.
 
-A check is a function `check_*` of a `Trial`, and, where it says so, of the channel that it is tried
-on, of what is set up for it, and of one case of many. Whenever it returns, a case was delivered and
+A check is a function `check_*` of a `Trial`, and, where it says so, of the place where it is tried,
+of what is set up for it, and of one case of many. Whenever it returns, a case was delivered and
 seen to be taken; it returns False where nothing shows that. Its docstring is what `explain` shows.
 The set of outcomes that it accepts is the one that the specification lists for its requirement.
 """
@@ -10,7 +10,7 @@ import functools
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 from hypothesis.strategies import SearchStrategy
 
@@ -24,14 +24,20 @@ OPENS_HOST_MEMORY = (*DECLARES_HOST_MEMORY, "opens")
 Needs = tuple[str, ...]
 
 
+Place = Channel | Literal["host", "device"]
+"""A channel, or the memory in which images are."""
+
+
 class End(NamedTuple):
-    """Whom a check judges, and where: on one channel, or wherever its scenario goes."""
+    """Whom a check judges, and where: at one place, or wherever its scenario goes."""
 
     side: Side
-    channel: Channel | None = None
+    place: Place | None = None
 
 
 CLIENT, SERVER = End("client"), End("server")
+CLIENT_HOST, CLIENT_DEVICE = End("client", "host"), End("client", "device")
+SERVER_HOST, SERVER_DEVICE = End("server", "host"), End("server", "device")
 CLIENT_IPC, CLIENT_MSG = End("client", "ipc"), End("client", "msg")
 SERVER_IPC, SERVER_MSG = End("server", "ipc"), End("server", "msg")
 
@@ -57,7 +63,7 @@ class Cases(NamedTuple):
 
 
 Choice = Cases | Callable[..., Cases]
-"""Cases, or what chooses them for a trial, its channel if the check takes one, and its setting."""
+"""Cases, or what chooses them for a trial, its place if the check takes one, and its setting."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +71,9 @@ class Check:
     """What is known of a check of one side before it runs."""
 
     requirement: str
-    places: Mapping[Channel | None, Needs]
-    """What the testee must have shown of itself, on each channel that the check is tried on, or
-    at all: as `ClientFacts.lacks` and `ServerFacts.lacks` know it."""
+    places: Mapping[Place | None, Needs]
+    """What the testee must have shown of itself, for each place where the check is tried, or at
+    all: as `ClientFacts.lacks` and `ServerFacts.lacks` know it."""
     may_crash: bool
     """It can end a testee that breaks the requirement: only with --launch or --allow-crash."""
     profile: str
@@ -93,22 +99,26 @@ class Check:
 
     @property
     def level(self) -> str:
-        """The assurance of its verdict."""
-        if {"device", "stand-in", "pixels"} & self.needs:
-            return "L3"
-        return "L2" if any(need.startswith("adapter:") for need in self.needs) else "L1"
+        """The assurance of its verdict: the least that a place of it asks for."""
+        return min(map(_level, self.places.values()))
 
     def lacks(self, facts: Facts) -> str | None:
-        """Why it can be tried on no channel with this testee; None if it can."""
-        reasons = list(self.shown_on(facts).values())
+        """Why it can be tried nowhere with this testee; None if it can."""
+        reasons = list(self.shown_at(facts).values())
         return None if None in reasons else reasons[0]
 
-    def shown_on(self, facts: Facts) -> dict[Channel | None, str | None]:
-        """Of each channel, why the testee has not shown all that the check needs there, if so."""
+    def shown_at(self, facts: Facts) -> dict[Place | None, str | None]:
+        """Of each place, why the testee has not shown all that the check needs there, if so."""
         return {
-            channel: next(filter(None, map(facts.lacks, needs)), None)
-            for channel, needs in self.places.items()
+            place: next(filter(None, map(facts.lacks, needs)), None)
+            for place, needs in self.places.items()
         }
+
+
+def _level(needs: Needs) -> str:
+    if {"device", "stand-in", "pixels"} & {*needs}:
+        return "L3"
+    return "L2" if any(need.startswith("adapter:") for need in needs) else "L1"
 
 
 def check(
@@ -126,31 +136,31 @@ def check(
     Args:
         requirement: its id.
         on: what the testee must have shown, for each end at which the check judges; where they
-            have channels, the function takes one, too.
+            are places, the function takes one, too.
         given: what sets up, once for all cases, what the function takes next; it is given the trial
-            and the channel. Of a context the end belongs to it, and what is judged when all is
+            and the place. Of a context the end belongs to it, and what is judged when all is
             over.
         cases: what to go through, at each of these ends; then the function takes one case, too.
         may_crash: as of a `Check`.
         profile: as of a `Check`.
     """
 
-    sides: dict[Side, dict[Channel | None, Needs]] = {}
+    sides: dict[Side, dict[Place | None, Needs]] = {}
     for end, needs in on.items():
-        sides.setdefault(end.side, {})[end.channel] = needs
+        sides.setdefault(end.side, {})[end.place] = needs
 
     def declare(function: Callable[..., bool | None]) -> Callable[[Any], None]:
         def play(trial: Any) -> None:
-            shown = found[trial.side].shown_on(trial.facts)
-            for channel, why_not in shown.items():
+            shown = found[trial.side].shown_at(trial.facts)
+            for place, why_not in shown.items():
                 try:
                     if why_not:
                         raise NotObservable(why_not)
-                    _through(function, trial, End(trial.side, channel), given, cases)
+                    _through(function, trial, End(trial.side, place), given, cases)
                 except NotObservable as nothing:
-                    if channel is None or {*trial.unseen, channel} == shown.keys():
+                    if place is None or {*trial.unseen, place} == shown.keys():
                         raise
-                    trial.unseen[channel] = str(nothing)
+                    trial.unseen[place] = str(nothing)
 
         functools.update_wrapper(play, function, updated=())
         del play.__wrapped__  # type: ignore[attr-defined]  # whoever collects it gives it a trial
@@ -171,7 +181,7 @@ def _through(
     given: Callable[..., Any] | None,
     cases: Choice | Mapping[End, Choice] | None,
 ) -> None:
-    arguments = [trial] if end.channel is None else [trial, end.channel]
+    arguments = [trial] if end.place is None else [trial, end.place]
     with ExitStack() as held:
         if given:
             setting = given(*arguments)

@@ -38,6 +38,12 @@ long may not have had the other half.
 """
 EVIDENCE_LINES = 12
 PRINTED_LINES = 3
+PLACES = {
+    "ipc": "the ipc channel",
+    "msg": "the msg channel",
+    "host": "memory of the host",
+    "device": "memory of the device",
+}
 NOTHING_PROVEN = "nothing was delivered that the testee was seen to take"
 BROKEN = (Verdict.FAIL, Verdict.WARN)
 MAY_CRASH = "it may crash a testee that was not launched by the harness: --allow-crash"
@@ -336,7 +342,7 @@ def _passed(trial: Trial) -> tuple[Verdict, str]:
         text = f"{trial.delivered} delivered"
     text += f"; {trial.extent}" if trial.extent else ""
     unseen = trial.unseen.items()
-    text += "".join(f"; nothing is said of the {at} channel: {why}" for at, why in unseen)
+    text += "".join(f"; nothing is said of {PLACES[at]}: {why}" for at, why in unseen)
     return Verdict.PASS if trial.delivered else Verdict.SKIP, text
 
 

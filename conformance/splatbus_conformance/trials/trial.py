@@ -96,8 +96,8 @@ class Trial:
         """Every case that was begun, for each time that the check went through some."""
         self.simpler: list[Callable[[Any], Iterable[Any]]] = []
         """For each time, what makes a drawn case simpler."""
-        self.unseen: dict[Channel, str] = {}
-        """Why nothing can be said of a channel, of a check that is tried on several."""
+        self.unseen: dict[str, str] = {}
+        """Why nothing can be said of a place, of a check that is tried at several."""
         self._going_through = False
         self.before_last_case = 0
         """How many entries were on record when the last case was begun."""
