@@ -10,9 +10,10 @@ from splatbus_conformance.images.memory.device import Device
 from splatbus_conformance.images.memory.device_reading import open_on_device
 from splatbus_conformance.images.memory.reading import CannotOpen, Opened, open_memory
 from splatbus_conformance.images.pinhole import camera_of
+from splatbus_conformance.trials.dealings import Dealings
 from splatbus_conformance.wire import messages
 from splatbus_conformance.wire.conversation import Message
-from splatbus_conformance.wire.json_values import is_number, texts, whole, within
+from splatbus_conformance.wire.json_values import is_number, whole
 from splatbus_conformance.wire.message_kinds import CAPABILITIES
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.packets import packet
@@ -20,15 +21,11 @@ from splatbus_conformance.wire.sockets import Connection
 
 
 @dataclass
-class DialledConnection:
+class DialledConnection(Dealings):
     """What was said on one connection, and what was opened."""
 
-    hello: Json | None = None
-    welcome: Json | None = None
     said: list[Json] = field(default_factory=list)
     """Every message that was sent; not what scripts said."""
-    heard: list[Json] = field(default_factory=list)
-    """Every object that the server sent."""
     init_packets: list[Json] = field(default_factory=list)
     """All whose numbers are finite; members may be missing, and be anything."""
     frames: list[Json] = field(default_factory=list)
@@ -48,17 +45,12 @@ class DialledConnection:
 
     def errors(self) -> list[str]:
         """The codes of the errors that were heard, in order."""
-        return [str(m.get("code")) for m in self.heard if m.get("type") == "error"]
+        return [str(error.get("code")) for error in self.all_of("error")]
 
     @property
     def answer(self) -> Json | None:
         """What answered `hello`: `welcome`, or an error."""
-        return next((m for m in self.heard if m.get("type") in ("welcome", "error")), None)
-
-    @property
-    def granted(self) -> list[str]:
-        """Capabilities that both sides have."""
-        return texts(within(self.welcome, "capabilities"))
+        return next(iter(self.all_of("welcome", "error")), None)
 
 
 def readable(frame: Json) -> bool:

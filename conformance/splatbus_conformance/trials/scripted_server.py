@@ -11,6 +11,7 @@ from splatbus_conformance.cases.rings import TIGHT, Arrangement, arranged
 from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
 from splatbus_conformance.images.memory.device import Allocation
 from splatbus_conformance.images.memory.host import HostMemory
+from splatbus_conformance.trials.dealings import Dealings
 from splatbus_conformance.trials.viewpoint import Viewpoint, viewpoint
 from splatbus_conformance.wire import messages
 from splatbus_conformance.wire.conversation import Message
@@ -45,13 +46,9 @@ class NextFrame(NamedTuple):
 
 
 @dataclass
-class ServedConnection:
-    """What was said on one connection."""
+class ServedConnection(Dealings):
+    """What was said on one connection, and which memory and images it was about."""
 
-    hello: Json | None = None
-    welcome: Json | None = None
-    heard: list[Json] = field(default_factory=list)
-    """Every object that the testee sent."""
     generations: list[int] = field(default_factory=list)
     """Of each init packet that was sent."""
     opened: set[int] = field(default_factory=set)
@@ -80,11 +77,6 @@ class ServedConnection:
         return self.generations[-1] if self.generations else 0
 
     @property
-    def granted(self) -> list[str]:
-        """The capabilities of its `welcome`."""
-        return texts(within(self.welcome, "capabilities"))
-
-    @property
     def is_unanswered(self) -> bool:
         """Memory was offered after `welcome`, and neither opened nor declined yet."""
         last = self.generation
@@ -96,10 +88,6 @@ class ServedConnection:
         if not self.frames or self.lent_of in self.closed | self.failed:
             return False
         return self.frames[-1] not in self.released
-
-    def count(self, kind: str) -> int:
-        """How many messages of this type were heard."""
-        return sum(message.get("type") == kind for message in self.heard)
 
 
 class ScriptedServer:
@@ -183,7 +171,7 @@ class ScriptedServer:
     def is_given_up(self) -> bool:
         """Whether a client has closed a connection on which it had made a request."""
         left = (d for c, d in self.dealings.items() if c.channel == "msg" and c.open and c.ended)
-        return any(dealings.count(kind) for dealings in left for kind in REQUESTS)
+        return any(dealings.all_of(*REQUESTS) for dealings in left)
 
     def on_open(self, connection: Connection) -> None:
         """A testee connected."""
@@ -348,7 +336,7 @@ class ScriptedServer:
     def tell(self, connection: Connection, *more: Json) -> None:
         """Send a `telemetry` of what was subscribed to, in series of all kinds, and of more."""
         dealings = self.with_(connection)
-        wishes = [m for m in dealings.heard if m.get("type") == "subscribe_telemetry"]
+        wishes = dealings.all_of("subscribe_telemetry")
         names = strings(wishes[-1].get("names")) if wishes else None
         dealings.telemetry += 1
         message = messages.telemetry(dealings.telemetry, messages.NAMES if names is None else names)
