@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT / "tests" / "data"
 VERSIONS = ("1.0", "1.1")
 MOST_RECORDED = 3000
-"""Bytes of a recording or capture that are taken."""
+"""Bytes of a recording that are taken."""
 WORD = re.compile(rb'"[^"\\]{1,40}"(?:\s*:)?')
 
 
@@ -54,7 +54,6 @@ def seeds(name: str) -> list[bytes]:
         "client-of-images": _steps_of_servers,
         "client-of-messages": _steps_of_servers,
         "recorded": _recordings,
-        "captured": _captures,
         "scripted": _scripts,
         "reported": _nothing,
     }.get(name, payloads)
@@ -117,12 +116,6 @@ def _recordings() -> Iterator[bytes]:
         for first in range(0, len(lines), 6):
             yield b"".join(lines[first : first + 6])[:MOST_RECORDED]
         yield b"".join(line for line in lines if len(line) < 300)[:MOST_RECORDED]
-
-
-def _captures() -> Iterator[bytes]:
-    for path in sorted((DATA / "captures").glob("*.pcap*")):
-        yield path.read_bytes()[:MOST_RECORDED]
-        yield path.read_bytes()[:400]
 
 
 def _scripts() -> Iterator[bytes]:

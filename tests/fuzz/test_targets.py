@@ -18,7 +18,7 @@ from tests.fuzz.loop import fuzz, search, shortest
 from tests.fuzz.reach import Reach
 from tests.fuzz.targets import TARGETS
 
-EXECUTIONS = {"captured": 300, "recorded": 500, "reported": 500, "scripted": 500}
+EXECUTIONS = {"recorded": 500, "reported": 500, "scripted": 500}
 USUAL = 2500
 """Of which some 900 or 1700 are what the target begins with."""
 MOST_BYTES = 300_000

@@ -29,7 +29,6 @@ TARGETS = {
     "client-of-images": Target(machines.client_of_images, ("splatbus_client", *WIRE)),
     "client-of-messages": Target(machines.client_of_messages, ("splatbus_client", *WIRE)),
     "recorded": Target(readers.recorded, HARNESS),
-    "captured": Target(readers.captured, HARNESS),
     "reported": Target(readers.reported, (*HARNESS, "jsonschema")),
     "scripted": Target(readers.scripted, HARNESS),
     "leniently": Target(readers.leniently, (*HARNESS, *WIRE)),

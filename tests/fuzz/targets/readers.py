@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from splatbus_conformance.cases import script as scripts
-from splatbus_conformance.observe.audit import audit, audit_capture
+from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.plan import Usage
 from splatbus_conformance.reports.files import stored
-from splatbus_conformance.wire import capture, first_bytes, json_reading, packets, recording
+from splatbus_conformance.wire import first_bytes, json_reading, packets, recording
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import PacketDecoder
 from splatbus_wire.json_text import parse_object
@@ -54,14 +54,6 @@ def reported(data: bytes) -> None:
     """A report is read."""
     with contextlib.suppress(Usage):
         stored.load(file(data))
-
-
-def captured(data: bytes) -> None:
-    """A capture is read, and judged."""
-    path = file(data)
-    if capture.files.is_capture(path):
-        with contextlib.suppress(capture.CaptureError):
-            audit_capture(capture.load(path, IPC_PORT, MESSAGE_PORT))
 
 
 def scripted(data: bytes) -> None:

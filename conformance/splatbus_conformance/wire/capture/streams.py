@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from typing import NamedTuple
 
-from splatbus_conformance.wire.capture.headers import Endpoint, Segment
+from splatbus_conformance.wire.capture.segments import Endpoint, Segment
 from splatbus_conformance.wire.recording import Direction, Event
 
 HALF, ALL = 1 << 31, 1 << 32

@@ -1,7 +1,7 @@
-"""Captures read as recordings: every format and link, and what TCP does on the way."""
+"""Captures read as recordings."""
 
 import contextlib
-from collections import Counter
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
@@ -25,44 +25,23 @@ from tests.conformance.rules.talk import (
     server,
     talk,
 )
-from tests.conformance.wire.capture import writing
-from tests.conformance.wire.capture.writing import Sent, block, pcap, pcapng, sent
+from tests.conformance.wire.capture.writing import pcap, sent
 
 TALK = joined(
     talk("ipc", server(INIT), SERVER_ENDS, CLIENT_ENDS),
     talk("msg", client(ASK_SIZE), server(SIZE), client(POSE), ends("c2s", "reset")),
 )
-LINKS = {
-    "Ethernet": writing.ETHERNET,
-    "raw": writing.RAW,
-    "null": writing.NULL,
-    "loop": writing.LOOP,
-    "cooked": writing.COOKED,
-    "cooked 2": writing.COOKED_2,
-}
-FORMATS: dict[str, Callable[[int, bool], bytes]] = {
-    "pcap": lambda link, v6: pcap(sent(TALK), link, v6=v6),
-    "pcap, big-endian": lambda link, v6: pcap(sent(TALK), link, order=">", v6=v6),
-    "pcap, ns": lambda link, v6: pcap(sent(TALK), link, nano=True, v6=v6),
-    "pcap, big-endian, ns": lambda link, v6: pcap(sent(TALK), link, order=">", nano=True, v6=v6),
-    "pcapng": lambda link, v6: pcapng(sent(TALK), [link], v6=v6),
-    "pcapng, big-endian": lambda link, v6: pcapng(sent(TALK), [link], order=">", v6=v6),
-    "pcapng, three clocks": lambda link, v6: pcapng(sent(TALK), [link] * 3, v6=v6),
-    "pcapng, links of all kinds": lambda link, v6: pcapng(sent(TALK), [link, 1, 276], v6=v6),
-}
+Read = Callable[..., Capture]
 
 
 @pytest.fixture
-def read(tmp_path: Path) -> Callable[..., Capture]:
+def read(tmp_path: Path) -> Read:
     def read(data: bytes, ports: tuple[int, int] = (6001, 6000)) -> Capture:
         path = tmp_path / "session.pcap"
         path.write_bytes(data)
         return load(path, *ports)
 
     return read
-
-
-Read = Callable[..., Capture]
 
 
 def assert_same(told: list[Entry], entries: list[Entry]) -> None:
@@ -72,96 +51,69 @@ def assert_same(told: list[Entry], entries: list[Entry]) -> None:
     assert [each[1:] for each in told] == [each[1:] for each in entries]
 
 
-# Formats
+# Files
 
 
-@pytest.mark.parametrize("v6", [False, True], ids=["IPv4", "IPv6"])
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("kind", FORMATS)
-def test_every_format_and_link(read: Read, kind: str, link: str, v6: bool) -> None:
-    (session,), *lacking = read(FORMATS[kind](LINKS[link], v6))
+@pytest.mark.parametrize("kind", ["pcap", "nsecpcap", "pcapng"])
+def test_every_format(tmp_path: Path, kind: str) -> None:
+    written, path = tmp_path / "written.pcap", tmp_path / "session.jsonl"
+    written.write_bytes(pcap(sent(TALK)))
+    subprocess.run(["editcap", "-F", kind, str(written), str(path)], check=True)
+    assert is_capture(path)
+    (session,), *lacking = load(path, 6001, 6000)
     assert lacking == [[], ()]
     assert_same(session, TALK)
 
 
-def test_a_file_is_told_by_its_first_bytes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("text", [b"", b"{", b'{"t": 0}', b"\xa1\xb2"])
+def test_what_is_no_capture(tmp_path: Path, text: bytes) -> None:
     path = tmp_path / "session.jsonl"
-    for number, make in enumerate(FORMATS.values()):
-        path.write_bytes(make(1, False))
-        assert is_capture(path), number
-    for text in (b"", b"{", b'{"t": 0}', b"\xa1\xb2"):
-        path.write_bytes(text)
-        assert not is_capture(path)
+    path.write_bytes(text)
+    assert not is_capture(path)
     assert not is_capture(tmp_path)
     assert not is_capture(tmp_path / "missing")
 
 
-def test_frames_with_a_vlan_and_others(read: Read) -> None:
-    frames = [writing.framed(each, vlan=True) for each in sent(TALK)]
-    arp, udp = bytes(12) + b"\x08\x06" + bytes(28), bytearray(frames[0])
-    udp[12 + 4 + 2 + 9] = 17
-    packets = b"".join(
-        block(6, bytes(12) + 2 * len(data).to_bytes(4, "little") + data + bytes(-len(data) % 4))
-        for data in (arp, bytes(udp), b"", b"\x08", *frames)
-    )
-    (session,) = read(pcapng([]) + packets).sessions
-    assert Counter(each[1:] for each in session) == Counter(each[1:] for each in TALK)
+def test_a_file_that_is_cut_short_is_judged_as_far_as_it_goes(read: Read) -> None:
+    (session,), _, (line,) = read(pcap(sent(TALK))[:-7])
+    assert [each[1:] for each in session] == [each[1:] for each in TALK[:-1]]
+    assert "cut short in the middle of a packet" in line
 
 
-def test_a_simple_packet_has_no_time(read: Read) -> None:
-    packets = b"".join(
-        block(3, len(data).to_bytes(4, "little") + data + bytes(-len(data) % 4))
-        for data in map(writing.framed, sent(TALK))
-    )
-    (session,) = read(pcapng([]) + packets).sessions
-    assert {entry.t for entry in session} == {0.0}
-    assert len(session) == len(TALK)
+def test_a_file_of_nonsense(read: Read) -> None:
+    with pytest.raises(CaptureError, match=r"session\.pcap: tshark: "):
+        read(pcap([])[:10])
 
 
-# Broken files
-
-
-@pytest.mark.parametrize("kind", FORMATS)
-def test_a_file_that_is_cut_short_is_told_with_its_byte(read: Read, kind: str) -> None:
-    data = FORMATS[kind](1, False)
-    with pytest.raises(
-        CaptureError, match=r"session\.pcap, byte \d+: the file ends .*`head -c \d+"
-    ):
-        read(data[:-7])
-
-
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(st.data())
 def test_no_bytes_make_it_fail_otherwise(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:
-    whole = bytearray(FORMATS[data.draw(st.sampled_from(sorted(FORMATS)))](1, False))
+    whole = bytearray(pcap(sent(TALK)))
     for _ in range(data.draw(st.integers(1, 4))):
         whole[data.draw(st.integers(4, len(whole) - 1))] = data.draw(st.integers(0, 255))
     path = tmp_path_factory.getbasetemp() / "spoiled.pcap"
-    path.write_bytes(whole)
+    path.write_bytes(whole[: data.draw(st.integers(0, len(whole)))])
     with contextlib.suppress(CaptureError):
         load(path, 6001, 6000)
 
 
-def test_a_header_that_is_cut_short(read: Read) -> None:
-    with pytest.raises(CaptureError, match="24 bytes, this one 10"):
-        read(pcap([])[:10])
+def test_without_tshark_it_says_what_is_missing(
+    read: Read, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(CaptureError, match="apt install tshark"):
+        read(pcap(sent(TALK)))
 
 
-@pytest.mark.parametrize("length", [0, 8, 13, 1 << 31])
-def test_a_block_of_no_length_a_block_can_have(read: Read, length: int) -> None:
-    head = pcapng([])
-    bad = block(6, bytes(20)).replace((32).to_bytes(4, "little"), length.to_bytes(4, "little"))
-    with pytest.raises(CaptureError, match=f"byte {len(head)}: "):
-        read(head + bad)
-
-
-def test_a_packet_of_no_interface(read: Read) -> None:
-    head = pcapng([])
-    bad = block(6, (9).to_bytes(4, "little") + bytes(16))
-    with pytest.raises(CaptureError, match=f"byte {len(head)}: a block that is not as it says"):
-        read(head + bad)
+def test_packets_that_were_captured_in_part(read: Read) -> None:
+    """Each is known to have been longer."""
+    sessions, messages, lines = read(pcap(sent(TALK), most=80))
+    assert not any(entry.data for session in sessions for entry in session[2:])
+    assert messages == []
+    assert len(lines) == 2
+    assert "segments are missing" in lines[0]
 
 
 # Ports
@@ -182,8 +134,6 @@ def test_one_channel_is_enough(read: Read) -> None:
 def test_nothing_at_all(read: Read) -> None:
     with pytest.raises(CaptureError, match="no TCP at all"):
         read(pcap([]))
-    with pytest.raises(CaptureError, match="links of type 147 are not read"):
-        read(pcap(sent(TALK), 147))
 
 
 @pytest.mark.parametrize(("limit", "most"), [("MOST_SEGMENTS", 8), ("MOST_BYTES", 40)])
@@ -197,16 +147,18 @@ def test_what_is_too_much_is_left_over(
 
 
 def test_a_refused_connection_is_none(read: Read) -> None:
-    refused = [
-        Sent(0, True, 50_000, 6001, 7, 0, writing.SYN),
-        Sent(0, False, 50_000, 6001, 0, 8, writing.RST | writing.ACK),
-    ]
-    (session,) = read(pcap([*refused, *sent(TALK)])).sessions
+    knock, *_ = whole = sent(TALK)
+    knock = knock._replace(source=("192.168.0.1", 50_000), seq=7)
+    refusal = knock._replace(source=knock.target, target=knock.source, syn=False, rst=True, ack=8)
+    (session,) = read(pcap([knock, refusal, *whole])).sessions
     assert len(session) == len(TALK)
 
 
 def test_the_same_ports_again_are_another_connection(read: Read) -> None:
-    again = [each._replace(seq=each.seq + 5000, ack=each.ack + 5000) for each in sent(TALK)]
+    again = [
+        it._replace(seq=(it.seq + 5000) % 2**32, ack=it.ack and (it.ack + 5000) % 2**32)
+        for it in sent(TALK)
+    ]
     (session,) = read(pcap([*sent(TALK), *again])).sessions
     assert {(entry.channel, entry.conn) for entry in session} == {
         (channel, number) for channel in ("ipc", "msg") for number in (1, 2)
