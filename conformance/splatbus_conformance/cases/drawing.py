@@ -2,20 +2,19 @@
 
 A live testee remembers, so a case is not independent of the one before it: Hypothesis only draws,
 and the check delivers the cases one after the other. The same seed draws the same cases, and a
-search meets the same ones if the testee makes the same errors.
+search meets the same ones if the testee makes the same errors; elsewhere it may draw others, for
+Hypothesis tries constants, too, that it finds in the project in which it runs. What failed is
+delivered again by its script, which does not draw.
 """
 
 import math
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import NamedTuple, TypeVar
-from unittest import mock
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings, target
 from hypothesis.configuration import set_hypothesis_home_dir
-from hypothesis.internal.conjecture import providers
 from hypothesis.strategies import SearchStrategy
 
 from splatbus_conformance.data import cache_folder
@@ -23,33 +22,11 @@ from splatbus_conformance.data import cache_folder
 T = TypeVar("T")
 Scores = Mapping[str, float]
 """How bad a case was, by the name of what was measured."""
-_INTERNALS = "GLOBAL_CONSTANTS", "CONSTANTS_CACHE", "_get_local_constants"
-_KNOWS_THEM = all(hasattr(providers, name) for name in _INTERNALS)
-_CONSTANTS = type(providers.CONSTANTS_CACHE)(1024) if _KNOWS_THEM else None
 
 
 def leave_nothing_where_the_user_works() -> None:
     """Have Hypothesis keep its table of characters elsewhere, for the rest of this process."""
     set_hypothesis_home_dir(cache_folder() / "hypothesis")
-
-
-@contextmanager
-def seeds_meaning_the_same() -> Iterator[None]:
-    """While this lasts, what Hypothesis draws hangs on the seed alone.
-
-    It would else mix in constants that it finds in modules of the project in which it runs, which
-    are others from one installation to the next. It has no setting for that; a release that keeps
-    them elsewhere draws as it likes.
-    """
-    if not _KNOWS_THEM:
-        yield
-        return
-    nothing = type(providers.GLOBAL_CONSTANTS)()
-    with (
-        mock.patch.object(providers, "_get_local_constants", return_value=nothing),
-        mock.patch.object(providers, "CONSTANTS_CACHE", _CONSTANTS),
-    ):
-        yield
 
 
 def draw(strategy: SearchStrategy[T], count: int, seed_number: int) -> list[T]:
@@ -62,8 +39,7 @@ def draw(strategy: SearchStrategy[T], count: int, seed_number: int) -> list[T]:
     def collect(case: T) -> None:
         cases.append(case)
 
-    with seeds_meaning_the_same():
-        collect()
+    collect()
     return cases
 
 
@@ -122,15 +98,13 @@ def climb(
     # a thread of its own. They take turns.
     thread = threading.Thread(target=run, daemon=True)
     try:
-        with seeds_meaning_the_same():
-            thread.start()
-            it = drawn.get()
+        thread.start()
+        it = drawn.get()
         while isinstance(it, _Drawn):
             yield it.case  # type: ignore[misc]
             found = dict(scores())
-            with seeds_meaning_the_same():
-                scored.put(found)
-                it = drawn.get()
+            scored.put(found)
+            it = drawn.get()
         if it is not None:
             raise it
     finally:

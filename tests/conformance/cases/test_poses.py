@@ -64,4 +64,4 @@ def test_a_search_moves_one_number_by_much_or_by_little():
 
 
 def test_most_poses_are_different():
-    assert len({str(pose) for pose in DOUBLE}) > 0.9 * len(DOUBLE)
+    assert len({str(pose) for pose in DOUBLE}) > 0.75 * len(DOUBLE)

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from hypothesis.errors import Flaky
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule, run_state_machine_as_test
 
-from splatbus_conformance.cases.drawing import seeds_meaning_the_same
 from splatbus_conformance.cases.script import Case
 from splatbus_conformance.cases.shrinking import smallest, without_one
 from splatbus_conformance.checks.stateful import BreachFound, Counterpart, Session, Step
@@ -117,7 +116,7 @@ class _Search:
             suppress_health_check=list(HealthCheck),
             verbosity=Verbosity.quiet,
         )
-        with seeds_meaning_the_same(), contextlib.suppress(BreachFound, Flaky, _OutOfTime):
+        with contextlib.suppress(BreachFound, Flaky, _OutOfTime):
             run_state_machine_as_test(self._machine(kinds), settings=chosen)
         if self._found:
             smallest(self._shortest().steps, self._fails_too, self._in_time)
