@@ -63,7 +63,7 @@ files (needs pip install 'splatbus-protocol[splats]'):
 drawn by gsplat on a GPU where that is installed (the first time it compiles itself, for a minute),
 or else on the processor, where much need not be done.
 
-skips, what is not done (--skips hidden,faint; none, exact, usual and all name several):
+skips, what is not done (--skips hidden,tiles; none, exact, usual and all name several):
 {SKIPS}
   What each saves and costs is in benchmarks/SPLATS.md.
 
@@ -266,7 +266,6 @@ def _load(sources: list[Source], options: argparse.Namespace) -> dict[str, Loade
             options.rate or RATE,
             options.seconds or SECONDS,
             progress,
-            in_halves=Skip.HALVES in options.skips,
         )
     finally:
         if progress is not None:

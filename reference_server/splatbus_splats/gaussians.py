@@ -20,8 +20,6 @@ CELLS = 1 << 10
 class Gaussians:
     """N of them in the axes and units of their object, all float32 and contiguous.
 
-    Coefficients may be float16; see `halved`.
-
     Attributes:
         means: (N, 3), centres.
         rotations: (N, 4), unit quaternions x, y, z, w that turn a Gaussian's own axes into the
@@ -57,17 +55,6 @@ class Gaussians:
             return None
         (a, b, c), (d, e, f) = self.means.min(axis=0).tolist(), self.means.max(axis=0).tolist()
         return Box((a, b, c), (d, e, f))
-
-
-def halved(gaussians: Gaussians) -> Gaussians:
-    """The same with its harmonics in float16, which is off by 2⁻¹² of each; as it is if one is
-    too large for that.
-    """
-    coefficients = gaussians.coefficients
-    most = max(coefficients.max(initial=0.0), -coefficients.min(initial=0.0))
-    if most > np.finfo(np.float16).max:
-        return gaussians
-    return replace(gaussians, coefficients=coefficients.astype(np.float16))
 
 
 def empty(count: int, coefficients: int) -> Gaussians:

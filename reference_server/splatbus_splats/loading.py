@@ -12,7 +12,7 @@ from splatbus_wire.messages import DEFAULT_OBJECT
 from splatbus_wire.parts import MAX_NAME_CHARS
 
 from splatbus_splats.files.read import read, sequence
-from splatbus_splats.gaussians import curve, halved
+from splatbus_splats.gaussians import curve
 from splatbus_splats.scene import Clip, Frames, Part, Scene
 
 Progress = Callable[[Path, int, int, float], None]
@@ -68,8 +68,6 @@ def loaded(
     rate: float,
     seconds: float,
     progress: Progress | None = None,
-    *,
-    in_halves: bool = False,
 ) -> dict[str, Loaded]:
     """The objects by their ids, their Gaussians in the order of `gaussians.curve`.
 
@@ -78,7 +76,6 @@ def loaded(
         rate: files a second, in sequences.
         seconds: length of clips, of Gaussians that live in time.
         progress: is told how far it is.
-        in_halves: harmonics are kept in float16.
 
     Raises:
         ValueError: a file is none of Gaussians, or one that cannot be part of a sequence.
@@ -96,8 +93,6 @@ def loaded(
                     progress(path, number, whole, (number - 1 + done / count) / whole)
 
             gaussians, without, motion = read(path, tell)
-            if in_halves:
-                gaussians = halved(gaussians)  # before the copy, for the sake of memory
             order = curve(gaussians.means)
             gaussians = gaussians[order]
             left_out.update(without)

@@ -253,7 +253,7 @@ def test_an_address_for_all_needs_a_token(files: list[Path]) -> None:
 
 def test_skips_are_read_by_their_names(capsys: pytest.CaptureFixture[str]) -> None:
     assert parser().parse_args(["a.ply", "--skips", "none"]).skips == NOTHING
-    assert parser().parse_args(["a.ply", "--skips", "exact,halves"]).skips == EXACT | Skip.HALVES
+    assert parser().parse_args(["a.ply", "--skips", "exact,small"]).skips == EXACT | Skip.SMALL
     with pytest.raises(SystemExit, match="2"):
         main(["a.ply", "--skips", "dim"])
     assert "argument --skips: 'dim' is none of none, exact, usual" in capsys.readouterr().err

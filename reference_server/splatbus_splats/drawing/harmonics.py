@@ -57,14 +57,6 @@ def colours(coefficients: Floats, offsets: Floats) -> Floats:
     return np.asarray(np.maximum(seen, 0))
 
 
-def used(coefficients: Floats) -> int:
-    """How many of (N, K, 3) coefficients are in bands that are not zero in all; 1 or more."""
-    for band in reversed(BANDS[1:]):
-        if coefficients.shape[1] > band.start and coefficients[:, band].any():
-            return int(band.stop)
-    return 1
-
-
 def spread_directions(count: int) -> Floats:
     """(count, 3) unit vectors, evenly over the sphere (a Fibonacci lattice)."""
     i = np.arange(count)

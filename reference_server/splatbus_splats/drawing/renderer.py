@@ -20,7 +20,6 @@ from splatbus_server.view import Intrinsics
 
 from splatbus_splats.drawing import runs
 from splatbus_splats.drawing.definition import Image, Placed, depths, slopes
-from splatbus_splats.drawing.harmonics import used
 from splatbus_splats.drawing.kernels import blend, listing, project
 from splatbus_splats.drawing.kernels.compiled import TILE
 from splatbus_splats.drawing.skips import EXACT, Skip
@@ -55,14 +54,6 @@ class _Shown(NamedTuple):
     def down(self) -> int:
         """Rows of tiles."""
         return -(-self.height // TILE)
-
-
-class _Known(NamedTuple):
-    """Of an object's Gaussians, wherever they are seen from."""
-
-    harmonics: int
-    """That are not zero, a channel."""
-    bounds: runs.Bounds
 
 
 class _Runs(NamedTuple):
@@ -109,7 +100,7 @@ class Renderer:
     def __init__(self, threads: int = 1, skips: Skip = EXACT) -> None:
         self._threads, self._skips = threads, skips
         self._pool = ThreadPoolExecutor(threads)
-        self._known: WeakKeyDictionary[Gaussians, _Known] = WeakKeyDictionary()
+        self._bounds: WeakKeyDictionary[Gaussians, runs.Bounds] = WeakKeyDictionary()
         self._hides = Skip.HIDDEN in skips
         self._shown: _Shown | None = None
         self._objects: tuple[Placed, ...] = ()
@@ -144,8 +135,8 @@ class Renderer:
             intrinsics: in pixels.
             width: of the image, pixels.
             height: of the image, pixels.
-            channels: which of `color` and `depth` are read; with `Skip.CHANNELS` the others hold
-                whatever they do, but for alpha.
+            channels: which of `color` and `depth` are read; the others hold whatever they do, but
+                for alpha.
             is_moving: the camera is, which `Skip.MOVING` asks for.
         """
         if not (is_moving and Skip.MOVING in self._skips):
@@ -192,20 +183,19 @@ class Renderer:
     def _outlined(self, shown: _Shown) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """How near each run comes, and (R, 4), in which tiles it can be seen."""
         lens = (shown.intrinsics, shown.width, shown.height)
-        found = [runs.outlines(self._of(each).bounds, each, *lens) for each in self._objects]
+        found = [runs.outlines(self._bounds_of(each), each, *lens) for each in self._objects]
         nearest = np.concatenate([np.empty(0), *(each.nearest for each in found)])
         boxes = np.concatenate([np.empty((0, 4)), *(each.boxes for each in found)])
         if Skip.OUTSIDE not in self._skips:
             boxes[:] = (0, shown.width, 0, shown.height)
         return nearest, runs.tiles_of(boxes, TILE, shown.across, shown.down)
 
-    def _of(self, placed: Placed) -> _Known:
+    def _bounds_of(self, placed: Placed) -> runs.Bounds:
+        """Of an object's Gaussians, wherever they are seen from."""
         gaussians = placed.gaussians
-        if gaussians not in self._known:
-            skips = Skip.BANDS in self._skips
-            count = used(gaussians.coefficients) if skips else gaussians.coefficients.shape[1]
-            self._known[gaussians] = _Known(int(count), runs.bounds_of(gaussians))
-        return self._known[gaussians]
+        if gaussians not in self._bounds:
+            self._bounds[gaussians] = runs.bounds_of(gaussians)
+        return self._bounds[gaussians]
 
     def _blend(
         self, shown: _Shown, is_due: NDArray[np.bool_], nearest: NDArray[np.float64]
@@ -233,7 +223,7 @@ class Renderer:
     def _project(self, shown: _Shown, which: NDArray[np.bool_]) -> None:
         """Those of some runs that may be seen."""
         table, owners, is_done, counts = self._runs
-        skips = [each in self._skips for each in (Skip.OUTSIDE, Skip.FAINT, Skip.FAR, Skip.SMALL)]
+        skips = [each in self._skips for each in (Skip.OUTSIDE, Skip.SMALL)]
         fx, fy, cx, cy = (float(each) for each in shown.intrinsics[:4])
         lens = (
             (fx, fy, cx, cy),
@@ -241,9 +231,9 @@ class Renderer:
             tuple(float(each) for each in depths(shown.intrinsics)),
             (shown.width, shown.height),
         )
-        is_colored = "color" in shown.channels or Skip.CHANNELS not in self._skips
+        is_colored = "color" in shown.channels
         for owner, placed in enumerate(self._objects):
-            harmonics = self._of(placed).harmonics if is_colored else 0
+            harmonics = placed.gaussians.coefficients.shape[1] if is_colored else 0
             turn, last = np.ascontiguousarray(placed.turn), (*skips, harmonics)
             given = (*_arrays(placed.gaussians), turn, placed.eye, *lens, last)
             work = partial(project.project, *given)
@@ -304,7 +294,7 @@ class Renderer:
             last,
             across,
             self._hides,
-            "depth" in shown.channels or Skip.CHANNELS not in self._skips,
+            "depth" in shown.channels,
             *self._pixels,
         )
 
@@ -371,14 +361,10 @@ def _are_alike(one: Placed, other: Placed) -> bool:
 
 
 def _arrays(gaussians: Gaussians) -> tuple[NDArray[Any], ...]:
-    """For the loops, which know no float16 but its bits.
-
-    None may be written, whether the given ones may or not: the loops are compiled once for each
-    kind of array.
+    """For the loops. None may be written, whether the given ones may or not: the loops are compiled
+    once for each kind of array.
     """
-    *rest, coefficients = (getattr(gaussians, each.name).view() for each in fields(gaussians))
-    is_half = coefficients.dtype == np.float16
-    views = (*rest, coefficients.view(np.uint16) if is_half else coefficients)
+    views = tuple(getattr(gaussians, each.name).view() for each in fields(gaussians))
     for each in views:
         each.setflags(write=False)
     return views

@@ -13,38 +13,28 @@ class Skip(Flag):
     """One of them, or several; `MEANINGS` says what each is."""
 
     OUTSIDE = auto()
-    FAINT = auto()
     HIDDEN = auto()
-    CHANNELS = auto()
-    BANDS = auto()
     TILES = auto()
-    HALVES = auto()
     MOVING = auto()
-    FAR = auto()
     SMALL = auto()
 
 
 MEANINGS = {
     "outside": "Gaussians beside the image, and whole runs of them",
-    "faint": "those less opaque than 1/255, and how far others reach below that",
     "hidden": "what is behind pixels that are opaque, and whole runs of it",
-    "channels": "depth or colour where no client reads it",
-    "bands": "harmonics that are zero in the whole object",
     "tiles": "tiles in which nothing changed: objects move before a camera that rests",
-    "halves": "harmonics in float32: float16 takes half the memory",
     "moving": "three pixels of four while the camera moves",
-    "far": "harmonics, but the first, of Gaussians smaller than a pixel",
     "small": "those whose share of a pixel's area, times their opacity, is below 1/255",
 }
 NOTHING = Skip(0)
-EXACT = Skip.OUTSIDE | Skip.FAINT | Skip.HIDDEN | Skip.CHANNELS | Skip.BANDS | Skip.TILES
+EXACT = Skip.OUTSIDE | Skip.HIDDEN | Skip.TILES
 USUAL = EXACT | Skip.MOVING
 """At rest, the picture is that of the definition to 1/255."""
 GROUPS = {"none": NOTHING, "exact": EXACT, "usual": USUAL, "all": ~NOTHING}
 
 
 def named(text: str) -> Skip:
-    """The skips that a text such as `hidden,faint` names; the names of `GROUPS` are names too.
+    """The skips that a text such as `hidden,tiles` names; the names of `GROUPS` are names too.
 
     Raises:
         ValueError: there is no such skip.

@@ -16,8 +16,6 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import types
-from numba.extending import overload
 
 from splatbus_splats.drawing import definition
 from splatbus_splats.drawing.kernels.compiled import (
@@ -42,8 +40,6 @@ from splatbus_splats.drawing.kernels.compiled import (
 SLACK = 1e-3
 """Pixels by which boxes are larger than they need be, for what rounding does."""
 LOW_PASS, LEAST_OPACITY = definition.LOW_PASS, definition.LEAST_ALPHA
-FAR_PIXELS = 1.0
-"""Standard deviation of a Gaussian on the image, below which `FAR` takes it for far."""
 
 
 @compiled
@@ -76,15 +72,15 @@ def project(
         rotations: …
         scales: …
         opacities: …
-        coefficients: or the bits of float16, uint16.
+        coefficients: …
         turn: (3, 3) as in `Placed`.
         eye: (3,) as in `Placed`.
         lens: fx, fy, cx, cy.
         slopes: least and largest x/z, then y/z.
         depths: a centre is drawn beyond the first and up to the second.
         size: width and height, pixels.
-        skips: whether what is outside, faint, far and small is; then, how many harmonics a channel
-            has that are not zero: 0 where no colour is wanted.
+        skips: whether what is outside and what is small is; then, how many harmonics a channel
+            has: 0 where no colour is wanted.
         runs: (R, 4) int64: which it is, its first Gaussian, the one after its last, and the place
             from which on there is room for it.
         counts: of all runs: how many of each were found is written there.
@@ -97,7 +93,7 @@ def project(
     fx, fy, cx, cy = lens
     near, far = depths
     width, height = size
-    skips_outside, skips_faint, skips_far, skips_small, harmonics = skips
+    skips_outside, skips_small, harmonics = skips
     s = math.sqrt(turn[0, 0] * turn[0, 0] + turn[0, 1] * turn[0, 1] + turn[0, 2] * turn[0, 2])
     for run, first, last, start in runs:
         place = start
@@ -107,9 +103,9 @@ def project(
             oz = np.float64(means[i, 2]) - eye[2]
             z = turn[2, 0] * ox + turn[2, 1] * oy + turn[2, 2] * oz
             opacity = np.float64(opacities[i])
-            if not (z > near and z <= far) or (skips_faint and opacity < LEAST_OPACITY):
+            if not (z > near and z <= far) or opacity < LEAST_OPACITY:
                 continue
-            reach = 2.0 * math.log((opacity if skips_faint else 1.0) / LEAST_OPACITY)
+            reach = 2.0 * math.log(opacity / LEAST_OPACITY)
             x = (turn[0, 0] * ox + turn[0, 1] * oy + turn[0, 2] * oz) / z
             y = (turn[1, 0] * ox + turn[1, 1] * oy + turn[1, 2] * oz) / z
             u, v = fx * x + cx, fy * y + cy
@@ -151,9 +147,7 @@ def project(
             shape_of[place, DOWN] = 1.0 / math.sqrt(c)
             box_of[place, LEFT], box_of[place, RIGHT] = x0, max(x0, x1)
             box_of[place, TOP], box_of[place, BOTTOM] = y0, max(y0, y1)
-            is_far = skips_far and max(rr, ss) < FAR_PIXELS * FAR_PIXELS
-            _shade(coefficients, i, min(harmonics, 1) if is_far else harmonics, ox, oy, oz,
-                   weights, paint_of, place)  # fmt: skip
+            _shade(coefficients, i, harmonics, ox, oy, oz, weights, paint_of, place)
             paint_of[place, OPACITY] = opacities[i]
             paint_of[place, INVERSE] = 1.0 / z
             place += 1
@@ -183,32 +177,6 @@ def _column(turn: Any, axis: Any, J: Any, scale: Any) -> Any:
     return fx * (first - x * third) * scale, fy * (second - y * third) * scale
 
 
-def _number(bits: Any) -> Any:
-    """What a coefficient is as float32: itself, or the float16 that uint16 is the bits of."""
-    raise NotImplementedError  # what is compiled comes from `_number_of`
-
-
-@overload(_number)  # type: ignore[untyped-decorator]
-def _number_of(bits: Any) -> Any:
-    if isinstance(bits, types.Integer):
-        # A half's exponent and mantissa, read as a float's, are too small by 2¹¹²: exact for all
-        # that are finite, subnormal ones too.
-        scale = np.float32(2.0**112)
-
-        def half(bits: Any) -> Any:
-            wide = np.int32(bits)
-            sign = (wide & np.int32(0x8000)) << np.int32(16)
-            rest = (wide & np.int32(0x7FFF)) << np.int32(13)
-            return np.int32(sign | rest).view(np.float32) * scale
-
-        return half
-
-    def single(bits: Any) -> Any:
-        return bits
-
-    return single
-
-
 @compiled
 def _shade(
     coefficients: Any,
@@ -226,9 +194,9 @@ def _shade(
     half = np.float32(0.5 if count else 0.0)
     red, green, blue = half, half, half
     for k in range(count):
-        red += weights[k] * _number(coefficients[i, k, 0])
-        green += weights[k] * _number(coefficients[i, k, 1])
-        blue += weights[k] * _number(coefficients[i, k, 2])
+        red += weights[k] * coefficients[i, k, 0]
+        green += weights[k] * coefficients[i, k, 1]
+        blue += weights[k] * coefficients[i, k, 2]
     paint_of[place, RED] = max(red, NOTHING)
     paint_of[place, GREEN] = max(green, NOTHING)
     paint_of[place, BLUE] = max(blue, NOTHING)
