@@ -22,7 +22,7 @@ PLACES = {
     "server": "editions/server.md",
     "": "1.1/complete/README.md",
 }
-"""Where each edition is kept in `spec/`, by its reader; the complete one is for all."""
+"""Where each edition stands in `spec/`, by its reader; the complete one, for all, on the site."""
 
 PARTS = "editions/parts"
 """What is written for one edition alone, a file for each reader that has some."""

@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 
 from splatbus_schemas import editions, pictures
 from splatbus_schemas.model.bundle import bundle
-from splatbus_schemas.model.metamodel import metamodel
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 LEVELS = ("MUST NOT", "MUST", "SHOULD NOT", "SHOULD", "MAY")
@@ -211,28 +210,39 @@ def registry_path(version: str, root: Path = CHECKOUT) -> Path:
     return root / "schemas" / "splatbus_schemas" / version / "requirements.json"
 
 
-def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
-    """Everything that the prose decides, by its place: the chapters themselves filled in."""
-    filled = {
+def filled_in(root: Path = CHECKOUT) -> dict[Path, str]:
+    """The chapters of all versions, with the packets of their examples, by their places."""
+    return {
         p: fill_in_packets(p.read_text("utf-8"), v) for v in OUTCOMES for p in chapters(v, root)
     }
+
+
+def documents(root: Path = CHECKOUT) -> dict[str, str]:
+    """The editions, and all of the standard on one page, by their places in `spec/`."""
     spec = root / "spec"
     parts = {path: path.read_text("utf-8") for path in (spec / editions.PARTS).glob("*.md")}
-    texts = {p.relative_to(spec).as_posix(): text for p, text in (filled | parts).items()}
+    texts = {p.relative_to(spec).as_posix(): text for p, text in (filled_in(root) | parts).items()}
+    return editions.documents(texts)
+
+
+def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
+    """Everything that the prose decides, by its place: the chapters themselves filled in."""
+    spec, filled = root / "spec", filled_in(root)
+    texts = {p.relative_to(spec).as_posix(): text for p, text in filled.items()}
     registries = {registry_path(v, root): rendered_registry(v, root) for v in OUTCOMES}
     generated = {
         PACKETS: rendered_packets(root),
         pictures.PLACE: pictures.axes(texts[pictures.TABLE]),
-        **editions.documents(texts),
+        **documents(root),
     }
+    del generated[editions.PLACES[""]]  # which only repeats: the site has it
     return filled | registries | {spec / place: text for place, text in generated.items()}
 
 
 def made_of_schemas() -> dict[Path, str]:
-    """What the schemas of the messages decide, by its place: the bundles and the metamodel."""
+    """What the schemas of the messages decide, by its place: the bundles."""
     package = CHECKOUT / "schemas" / "splatbus_schemas"
-    bundles = {package / version / "bundle.json": _as_text(bundle(version)) for version in OUTCOMES}
-    return {**bundles, package / "metamodel.json": _as_text(metamodel())}
+    return {package / version / "bundle.json": _as_text(bundle(version)) for version in OUTCOMES}
 
 
 def main(argv: list[str] | None = None) -> int:

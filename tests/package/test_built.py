@@ -88,7 +88,7 @@ def test_the_wheel_has_what_each_package_reads_beside_its_modules(
     assert {Path(name).suffix for name in data - typed if ".dist-info/" not in name} <= KINDS
     assert data >= {
         "splatbus_schemas/limits.json",
-        "splatbus_schemas/metamodel.json",
+        "splatbus_schemas/metamodel.schema.json",
         "splatbus_schemas/1.0/requirements.json",
         "splatbus_schemas/1.1/bundle.json",
         "splatbus_schemas/1.1/welcome.schema.json",

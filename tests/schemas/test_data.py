@@ -13,7 +13,6 @@ DATA_FILES = [
     ("framing", ("framing.json",)),
     ("limits", ("limits.json",)),
     ("messages", ("messages.json",)),
-    ("metamodel", ("metamodel.json",)),
     *(("requirements", (version, "requirements.json")) for version in VERSIONS),
 ]
 

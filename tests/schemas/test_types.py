@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from splatbus_schemas import LIMITS, VERSIONS, examples, names, read_json
+from splatbus_schemas.model.metamodel import metamodel
 from splatbus_schemas.model.parts import camel
 from splatbus_schemas.types.__main__ import LANGUAGES, main
 
@@ -60,7 +61,7 @@ def test_they_have_all_objects_members_and_limits(
     language: str, version: str, tmp_path: Path
 ) -> None:
     text = generated(language, version, tmp_path)
-    model = read_json("metamodel.json")["versions"][version]
+    model = metamodel()["versions"][version]
     for name, record in model["records"].items():
         assert re.search(rf"\b(class|struct|using|interface|type) {name}\b", text)
         for member in record["members"]:
@@ -120,7 +121,7 @@ def is_missing(pointer: str, message: Any) -> bool:
 
 def uses_of_examples(version: str) -> Iterator[str]:
     """The valid examples as what they are, and those that lack a member as what they are not."""
-    records = read_json("metamodel.json")["versions"][version]["records"].values()
+    records = metamodel()["versions"][version]["records"].values()
     depending = {
         m["name"] for r in records for m in r["members"] if {"when", "requiredWhen"} & {*m}
     }

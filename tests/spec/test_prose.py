@@ -24,8 +24,8 @@ def text_of(path: Path) -> str:
     return re.sub(r"^```.*?^```$", "", path.read_text("utf-8"), flags=re.M | re.S)
 
 
-def headings(path: Path) -> list[str]:
-    return re.findall(r"^#+ (.+)$", text_of(path), re.M)
+def headings(text: str) -> list[str]:
+    return re.findall(r"^#+ (.+)$", text, re.M)
 
 
 def anchor(heading: str) -> str:
@@ -34,7 +34,9 @@ def anchor(heading: str) -> str:
 
 
 def section_numbers(version: str) -> set[str]:
-    found = (re.match(r"\d+(\.\d+)?", h) for path in chapters(version) for h in headings(path))
+    found = (
+        re.match(r"\d+(\.\d+)?", h) for path in chapters(version) for h in headings(text_of(path))
+    )
     return {match[0] for match in found if match}
 
 
@@ -85,4 +87,4 @@ def test_chapters_are_numbered_as_their_files(version: str) -> None:
         if path.name != "README.md":
             first, second, *_ = path.stem.split("-")
             number = f"Annex {second.upper()}" if first == "annex" else int(first)
-            assert headings(path)[0].startswith(f"{number}. "), page(path)
+            assert headings(text_of(path))[0].startswith(f"{number}. "), page(path)

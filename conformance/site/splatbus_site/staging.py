@@ -3,6 +3,9 @@
 from collections.abc import Mapping, Set
 from pathlib import Path
 
+from splatbus_schemas import prose
+from splatbus_schemas.editions import PLACES
+
 from . import judged, layout, links, messages, pictures, specification
 
 
@@ -11,6 +14,7 @@ def pages(root: Path) -> dict[str, str]:
     found = layout.prose(root)
     matrix = found[judged.KILL_MATRIX]
     found[specification.WHOLE["1.0"]] = specification.in_one_piece("1.0", found)
+    found[specification.WHOLE["1.1"]] = prose.documents(root)[PLACES[""]]
     for source in specification.REPEATING:
         found[source] = specification.NOT_SEARCHED + found[source]
     return found | {

@@ -8,14 +8,14 @@ from functools import cache
 from operator import itemgetter
 from typing import Any
 
-from splatbus_schemas import read_json
+from splatbus_schemas.model.metamodel import metamodel
 
 from splatbus_conformance.wire.recording import Channel, Direction
 
 Shape = Any
 """A tree of members with NUMBER at its leaves; a list stands for an array of any length."""
 NUMBER = "number"
-_MODEL = read_json("metamodel.json")["versions"]
+_MODEL = metamodel()["versions"]
 _MESSAGES: list[dict[str, Any]] = _MODEL["1.1"]["messages"]
 _RECORDS: dict[str, Any] = _MODEL["1.1"]["records"]
 _CHANNELS = {"ipc": "ipc", "message": "msg"}

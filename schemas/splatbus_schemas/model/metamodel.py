@@ -7,6 +7,7 @@ which capability is in `messages.json`, since no schema says it.
 from __future__ import annotations
 
 import re
+from functools import cache
 from typing import Any
 
 from splatbus_schemas.data import VERSIONS, known_to, read_json
@@ -39,8 +40,9 @@ _UNITS = {"maxLength": ["characters"], "maxItems": ["items", "objects", "series"
 """Of the limits that bound how long a text or an array is."""
 
 
+@cache
 def metamodel() -> dict[str, Any]:
-    """All of it, as `metamodel.json` holds it; ValueError where two objects have the same name."""
+    """All of it, by `metamodel.schema.json`; ValueError where two objects have the same name."""
     facts = read_json("messages.json")
     records = {version: _records(version, facts["messages"]) for version in VERSIONS}
     first: dict[tuple[str, ...], str] = {}

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from splatbus_schemas.data import FRAMING, known_to, read_json
+from splatbus_schemas.model.metamodel import metamodel
 from splatbus_schemas.model.parts import camel
 
 Member = dict[str, Any]
@@ -39,8 +40,8 @@ class Contents(NamedTuple):
 
 
 def contents(version: str) -> Contents:
-    """What `metamodel.json`, `limits.json` and `framing.json` say of one version."""
-    model = read_json("metamodel.json")["versions"][version]
+    """What the metamodel, `limits.json` and `framing.json` say of one version."""
+    model = metamodel()["versions"][version]
     groups: dict[str, list[str]] = {}
     for message in model["messages"]:
         for channel in message["channels"]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from splatbus_schemas.data import read_json
+from splatbus_schemas.model.metamodel import metamodel
 
 Json = dict[str, Any]
 KINDS = {"integer": "int64", "number": "double", "string": "string", "boolean": "bool"}
@@ -25,10 +26,10 @@ def source() -> str:
 
 def tables() -> Json:
     """What the dissector knows of the protocol; of each message as the newest version has it."""
-    metamodel = read_json("metamodel.json")
-    framing, limits = (read_json(metamodel[name]) for name in ("framing", "limits"))
+    model = metamodel()
+    framing, limits = (read_json(model[name]) for name in ("framing", "limits"))
     newest: dict[str, Json] = {}
-    for version in metamodel["versions"].values():
+    for version in model["versions"].values():
         for message in version["messages"]:
             newest[message["name"]] = _message(message, version["records"][message["record"]])
     kinds: dict[str, set[str]] = {}
