@@ -8,7 +8,6 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.text import broken_texts
 from splatbus_conformance.checks import SERVER, check
-from splatbus_conformance.checks.v1_0.req.servers import every_request
 from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import (
     BAD_NEIGHBOURS,
@@ -19,6 +18,7 @@ from splatbus_conformance.trials.moves.bad_neighbours import (
     crowd,
 )
 from splatbus_conformance.trials.moves.camera_control import CameraControl
+from splatbus_conformance.trials.moves.exchanges.answered import every_request
 from splatbus_conformance.trials.moves.stalled import PATIENCE_SECONDS, stalled
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
