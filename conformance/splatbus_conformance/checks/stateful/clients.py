@@ -30,7 +30,6 @@ def play(
 @check(
     "CHN-19",
     on={CLIENT: ()},
-    observable="after each step the process is alive, and comes back where it was seen to",
     may_crash=True,
 )
 def check_survives_any_session(trial: ClientTrial) -> None:
@@ -43,7 +42,6 @@ def check_survives_any_session(trial: ClientTrial) -> None:
 @check(
     "CHN-20",
     on={CLIENT: ()},
-    observable="after each loss the testee makes a new connection",
     profile="full",
 )
 def check_returns_in_any_session(trial: ClientTrial) -> None:
@@ -53,7 +51,6 @@ def check_returns_in_any_session(trial: ClientTrial) -> None:
 
 @check(
     "CHN-24",
-    observable="after each loss the testee opens the memory that is announced then",
     on={CLIENT: (*OPENS_HOST_MEMORY, "returns:ipc")},
     profile="full",
 )
@@ -65,7 +62,6 @@ def check_uses_the_new_memory_in_any_session(trial: ClientTrial) -> None:
 
 @check(
     "OPN-1",
-    observable="one answer to each init packet, on each connection",
     on={CLIENT: TAKES_FURTHER},
     profile="full",
 )
@@ -77,7 +73,6 @@ def check_answers_in_any_session(trial: ClientTrial) -> None:
 
 @check(
     "OPN-5",
-    observable="closed for each former generation, on each connection",
     on={CLIENT: TAKES_FURTHER},
     profile="full",
 )
@@ -89,7 +84,6 @@ def check_closes_former_memory_in_any_session(trial: ClientTrial) -> None:
 
 @check(
     "IMG-12",
-    observable="one release for each frame, on each connection",
     on={CLIENT: (*OPENS_HOST_MEMORY, "capability:frames", "returns:ipc")},
     profile="full",
 )
