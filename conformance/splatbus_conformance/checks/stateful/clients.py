@@ -27,11 +27,7 @@ def play(
     )
 
 
-@check(
-    "CHN-19",
-    on={CLIENT: ()},
-    may_crash=True,
-)
+@check("CHN-19", on={CLIENT: ()}, may_crash=True)
 def check_survives_any_session(trial: ClientTrial) -> None:
     """Connections are dropped in every way and refused, between frames, init packets and stalls."""
     lost = (("mislead",), ("stall", 0.05), ("drop", "both", "reset"), ("lend",))
@@ -39,43 +35,27 @@ def check_survives_any_session(trial: ClientTrial) -> None:
     play(trial, LOSING, *kept[: 2 if trial.thorough else 1], returning=True)
 
 
-@check(
-    "CHN-20",
-    on={CLIENT: ()},
-    profile="full",
-)
+@check("CHN-20", on={CLIENT: ()}, profile="full")
 def check_returns_in_any_session(trial: ClientTrial) -> None:
     """Connections are lost at every point of a session."""
     play(trial, LOSING, (("announce", 2), ("lend",), ("drop", "ipc", "close")), returning=True)
 
 
-@check(
-    "CHN-24",
-    on={CLIENT: (*OPENS_HOST_MEMORY, "returns:ipc")},
-    profile="full",
-)
+@check("CHN-24", on={CLIENT: (*OPENS_HOST_MEMORY, "returns:ipc")}, profile="full")
 def check_uses_the_new_memory_in_any_session(trial: ClientTrial) -> None:
     """Connections are lost between init packets of several sizes."""
     kinds = ("announce", "drop", "lend", "mislead", "stall")
     play(trial, kinds, (("announce", 2), ("drop", "ipc", "cut"), ("lend",)), returning=True)
 
 
-@check(
-    "OPN-1",
-    on={CLIENT: TAKES_FURTHER},
-    profile="full",
-)
+@check("OPN-1", on={CLIENT: TAKES_FURTHER}, profile="full")
 def check_answers_in_any_session(trial: ClientTrial) -> None:
     """Init packets of memory that is there, and is not, between frames and losses."""
     kinds = ("announce", "mislead", "drop", "lend", "stall")
     play(trial, kinds, (("mislead",), ("stall", 0.05), ("drop", "ipc", "close"), ("announce", 2)))
 
 
-@check(
-    "OPN-5",
-    on={CLIENT: TAKES_FURTHER},
-    profile="full",
-)
+@check("OPN-5", on={CLIENT: TAKES_FURTHER}, profile="full")
 def check_closes_former_memory_in_any_session(trial: ClientTrial) -> None:
     """Init packets between frames and losses."""
     kinds = ("announce", "lend", "mislead", "drop", "split")

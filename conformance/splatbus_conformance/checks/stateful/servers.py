@@ -32,11 +32,7 @@ def play(
     )
 
 
-@check(
-    "CHN-14",
-    on={SERVER: ()},
-    may_crash=True,
-)
+@check("CHN-14", on={SERVER: ()}, may_crash=True)
 def check_serves_all_in_any_session(trial: ServerTrial) -> None:
     """Clients end in every way, in the midst of packets, of frames, of unread replies."""
     poses = tuple(("pose", seat, "camera_pose") for seat in range(3))
@@ -48,10 +44,7 @@ def check_serves_all_in_any_session(trial: ServerTrial) -> None:
     play(trial, EVERYTHING, *kept)
 
 
-@check(
-    "REQ-7",
-    on={SERVER: ()},
-)
+@check("REQ-7", on={SERVER: ()})
 def check_answers_in_order_in_any_session(trial: ServerTrial) -> None:
     """Several clients ask at once; some leave before their replies come, and others come."""
     kinds = ("ask", "look", "connect", "drop", "half", "complete", "pose")

@@ -107,10 +107,7 @@ def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
     return came and trial.wait(goes_on, trial.patience)
 
 
-@check(
-    "CHN-9",
-    on={CLIENT: ("ipc",)},
-)
+@check("CHN-9", on={CLIENT: ("ipc",)})
 def check_waits_for_the_init_packet(trial: ClientTrial) -> bool:
     """No init packet for 5.5 seconds (12 in the full profile, 1.5 in the brief one). A connection
     that the testee makes and ends for a reason of its own, such as to ask for the size first, is
@@ -140,10 +137,7 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> bool:
     return True
 
 
-@check(
-    "CHN-10",
-    on={CLIENT: ("hello:ipc",)},
-)
+@check("CHN-10", on={CLIENT: ("hello:ipc",)})
 def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
     """The testee has opened the memory and reads; its connection is watched for half a second."""
     connection = trial.greeted("ipc")
@@ -156,11 +150,7 @@ def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
     )
 
 
-@check(
-    "CHN-15",
-    on={CLIENT: ("asks",)},
-    profile="quick",
-)
+@check("CHN-15", on={CLIENT: ("asks",)}, profile="quick")
 def check_gives_up_a_reply(trial: ClientTrial) -> None:
     """The first request is never answered."""
     trial.role.replies = False
@@ -209,11 +199,7 @@ def _says_what_it_says(trial: ClientTrial, connection: Connection, *, replied: b
     trial.wait(lambda: said() or connection.ended)
 
 
-@check(
-    "CHN-19",
-    on={CLIENT: ()},
-    may_crash=True,
-)
+@check("CHN-19", on={CLIENT: ()}, may_crash=True)
 def check_survives_losing_its_server(trial: ClientTrial) -> bool:
     """Both connections are reset, further ones refused for a while, then accepted and reset."""
     for connection in [trial.connection(channel) for channel in sorted(trial.facts.connects)]:

@@ -125,10 +125,7 @@ def check_paces_its_attempts(trial: ClientTrial, back: list[Channel], how: str) 
     return seen
 
 
-@check(
-    "CHN-21",
-    on={CLIENT: ("reconnects:ipc",)},
-)
+@check("CHN-21", on={CLIENT: ("reconnects:ipc",)})
 def check_paces_attempts_without_images(trial: ClientTrial) -> None:
     """Every connection is sent an init packet of memory that cannot be opened. A testee that closes
     it, and comes back for more, must still pause, however many come in a row.
@@ -165,10 +162,7 @@ def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -
     return trial.ends(connection, REACTION_SECONDS)
 
 
-@check(
-    "CHN-21",
-    on={CLIENT: ()},
-)
+@check("CHN-21", on={CLIENT: ()})
 def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
     """The channels refuse for a while, of another length each time, then accept; a testee that is
     there at once each time tries all the time. A busy machine may make it late now and then.
@@ -197,11 +191,7 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
             )
 
 
-@check(
-    "CHN-21",
-    on={CLIENT: ()},
-    profile="quick",
-)
+@check("CHN-21", on={CLIENT: ()}, profile="quick")
 def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
     """Both channels refuse for some seconds, so that a pause which grows has grown, or come to the
     end of its table; one then accepts, a moment later the other, and the first connection of each

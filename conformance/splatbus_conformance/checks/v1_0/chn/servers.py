@@ -54,10 +54,7 @@ HELLO = ("hello", encode(hello([*CAPABILITIES["ipc"]], None)))
 """One more, to who speaks 1.0 alone."""
 
 
-@check(
-    "CHN-1",
-    on={SERVER: ()},
-)
+@check("CHN-1", on={SERVER: ()})
 def check_offers_both_channels(trial: ServerTrial) -> None:
     """A connection to each channel, the one beside the other."""
     for channel in CHANNELS:
@@ -85,11 +82,7 @@ def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
         connection.close()
 
 
-@check(
-    "CHN-7",
-    on={SERVER: ()},
-    may_crash=True,
-)
+@check("CHN-7", on={SERVER: ()}, may_crash=True)
 def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     """Messages that no client of 1.0 sends there, broken text, and the longest packet."""
     connection = trial.dial("ipc")
@@ -106,11 +99,7 @@ def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
         trial.not_observable("the connection stayed open, and the server serves nobody")
 
 
-@check(
-    "CHN-7",
-    on={SERVER: ()},
-    profile="full",
-)
+@check("CHN-7", on={SERVER: ()}, profile="full")
 def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
     """A whole packet, and then silence, for longer than a packet may take to be complete."""
     silent, spoken = trial.dial("ipc"), trial.dial("ipc")
@@ -145,10 +134,7 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial, first: Channel) -> 
         trial.expect(not connection.ended, "closes", f"the {channel} connection was ended {what}")
 
 
-@check(
-    "CHN-13",
-    on={SERVER: ()},
-)
+@check("CHN-13", on={SERVER: ()})
 def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> bool:
     """A hundred clients on the message channel, which ask at once, and none of which goes."""
     numbers = list(trial.each(range(1, FURTHER + 1)))
@@ -170,10 +156,7 @@ def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> bool:
     return count > 0
 
 
-@check(
-    "CHN-13",
-    on={SERVER: ("1.1",)},
-)
+@check("CHN-13", on={SERVER: ("1.1",)})
 def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """A hundred clients on the IPC channel, which say hello, and none of which goes."""
     trial.greeted("ipc")
@@ -209,10 +192,7 @@ def _crowded(trial: ServerTrial) -> tuple[Connection, list[Connection]]:
     return asking, silent
 
 
-@check(
-    "CHN-25",
-    on={SERVER: ()},
-)
+@check("CHN-25", on={SERVER: ()})
 def check_keeps_who_has_spoken(trial: ServerTrial) -> None:
     """One client has been answered; others come that say nothing, and none of which goes."""
     for _ in range(TRIES):

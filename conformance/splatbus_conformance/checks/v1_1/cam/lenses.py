@@ -222,10 +222,7 @@ def _goes_on(trial: ServerTrial, sender: Connection, message: Json) -> bool:
     return answers(trial, sender)
 
 
-@check(
-    "CAM-8",
-    on={SERVER: ("1.1", "capability:intrinsics")},
-)
+@check("CAM-8", on={SERVER: ("1.1", "capability:intrinsics")})
 def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
     """Several cameras are asked for, on a connection that agreed on intrinsics, before and after it
     has sent its own.

@@ -59,12 +59,7 @@ def of_another_shape(trial: ServerTrial, *_: object) -> Cases:
     return Cases(found[:2])
 
 
-@check(
-    "CAM-6",
-    on={SERVER: LENSES},
-    given=resizing,
-    cases=of_another_shape,
-)
+@check("CAM-6", on={SERVER: LENSES}, given=resizing, cases=of_another_shape)
 def check_compares_shapes_with_the_size_now(
     trial: ServerTrial, client: Connection, size: Size
 ) -> None:
@@ -84,11 +79,7 @@ def check_compares_shapes_with_the_size_now(
             expect_error(trial, errors, "invalid_message", "/intrinsics", what)
 
 
-@check(
-    "CTL-5",
-    on={SERVER: (*RESIZES, "capability:intrinsics")},
-    cases=of_another_shape,
-)
+@check("CTL-5", on={SERVER: (*RESIZES, "capability:intrinsics")}, cases=of_another_shape)
 def check_scales_a_lens_that_waited(trial: ServerTrial, size: Size) -> None:
     """A client that waits for control sends intrinsics, and then another camera without; meanwhile
     images become of another shape. Then control passes to it.
@@ -113,12 +104,7 @@ def check_scales_a_lens_that_waited(trial: ServerTrial, size: Size) -> None:
         expect_in_force(trial, frame or {}, scaled(lens, now), f"{what} for the former size")
 
 
-@check(
-    "CAM-8",
-    on={SERVER: LENSES},
-    given=resizing,
-    cases=other(3),
-)
+@check("CAM-8", on={SERVER: LENSES}, given=resizing, cases=other(3))
 def check_tells_lenses_for_the_size_now(trial: ServerTrial, client: Connection, size: Size) -> None:
     """A camera is asked for whenever images have become of another size."""
     changed(trial, client, size)
@@ -132,12 +118,7 @@ def check_tells_lenses_for_the_size_now(trial: ServerTrial, client: Connection, 
     )
 
 
-@check(
-    "CAM-3",
-    on={SERVER: RESIZES},
-    given=sitting,
-    cases=other(3),
-)
+@check("CAM-3", on={SERVER: RESIZES}, given=sitting, cases=other(3))
 def check_no_tag_comes_again_in_another_size(
     trial: ServerTrial, given: Sitting, size: Size
 ) -> None:
@@ -160,12 +141,7 @@ def check_no_tag_comes_again_in_another_size(
     )
 
 
-@check(
-    "POS-7",
-    on={SERVER: RESIZES},
-    given=sitting,
-    cases=other(3),
-)
+@check("POS-7", on={SERVER: RESIZES}, given=sitting, cases=other(3))
 def check_the_camera_stays_in_another_size(trial: ServerTrial, given: Sitting, size: Size) -> None:
     """The camera is moved; then images become of another size, and nothing else is said."""
     client, capture = given
@@ -205,12 +181,7 @@ def check_tells_everybody_of_the_newest_size(
         each.close()
 
 
-@check(
-    "CHN-16",
-    on={SERVER: RESIZES},
-    given=resizing,
-    cases=other(2),
-)
+@check("CHN-16", on={SERVER: RESIZES}, given=resizing, cases=other(2))
 def check_answers_behind_another_size_before_the_end(
     trial: ServerTrial, _: Connection, size: Size
 ) -> None:
