@@ -79,7 +79,7 @@ class CheckAftermath(NamedTuple):
     """Its own verdict says that something is broken."""
 
 
-MEETING = Check("CHN-19", {}, False, "quick")
+MEETING = Check("CHN-19", {None: ()}, False, "quick")
 """The first meeting, as if it were a check."""
 
 

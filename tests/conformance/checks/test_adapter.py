@@ -13,7 +13,7 @@ import pytest
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.checks.v1_0.buf import compositing
-from splatbus_conformance.checks.v1_0.req.adapter import understood
+from splatbus_conformance.checks.v1_0.req import understood
 from splatbus_conformance.data import read_json
 
 from tests.conformance.harness import run, said

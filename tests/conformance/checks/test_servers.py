@@ -14,10 +14,7 @@ from splatbus_conformance.checks.v1_1.cam.lenses import (
     LARGEST,
     bad_lenses,
     fitting,
-    in_force,
     other_shapes,
-    same_shape,
-    scaled,
 )
 from splatbus_conformance.checks.v1_1.obj import broken_object_poses
 from splatbus_conformance.checks.v1_1.tim_png import ClockReading, expect_one_offset
@@ -27,6 +24,7 @@ from splatbus_conformance.rules.v1_1.cam import lens as judged_lens
 from splatbus_conformance.rules.v1_1.obj import object_pose as judged_object_pose
 from splatbus_conformance.trials.moves.exchanges.exchange import ASKED
 from splatbus_conformance.trials.moves.image_session import AT_REST, placed
+from splatbus_conformance.trials.moves.lenses import in_force, same_shape, scaled
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
 from splatbus_conformance.trials.trial import Violation
 from splatbus_conformance.wire.message_kinds import CAPABILITIES

@@ -27,12 +27,7 @@ def play(
     )
 
 
-@check(
-    "CHN-19",
-    on={CLIENT: ()},
-    observable="after each step the process is alive, and comes back where it was seen to",
-    may_crash=True,
-)
+@check("CHN-19", on={CLIENT: ()}, may_crash=True)
 def check_survives_any_session(trial: ClientTrial) -> None:
     """Connections are dropped in every way and refused, between frames, init packets and stalls."""
     lost = (("mislead",), ("stall", 0.05), ("drop", "both", "reset"), ("lend",))
@@ -40,47 +35,27 @@ def check_survives_any_session(trial: ClientTrial) -> None:
     play(trial, LOSING, *kept[: 2 if trial.thorough else 1], returning=True)
 
 
-@check(
-    "CHN-20",
-    on={CLIENT: ()},
-    observable="after each loss the testee makes a new connection",
-    profile="full",
-)
+@check("CHN-20", on={CLIENT: ()}, profile="full")
 def check_returns_in_any_session(trial: ClientTrial) -> None:
     """Connections are lost at every point of a session."""
     play(trial, LOSING, (("announce", 2), ("lend",), ("drop", "ipc", "close")), returning=True)
 
 
-@check(
-    "CHN-24",
-    observable="after each loss the testee opens the memory that is announced then",
-    on={CLIENT: (*OPENS_HOST_MEMORY, "returns:ipc")},
-    profile="full",
-)
+@check("CHN-24", on={CLIENT: (*OPENS_HOST_MEMORY, "returns:ipc")}, profile="full")
 def check_uses_the_new_memory_in_any_session(trial: ClientTrial) -> None:
     """Connections are lost between init packets of several sizes."""
     kinds = ("announce", "drop", "lend", "mislead", "stall")
     play(trial, kinds, (("announce", 2), ("drop", "ipc", "cut"), ("lend",)), returning=True)
 
 
-@check(
-    "OPN-1",
-    observable="one answer to each init packet, on each connection",
-    on={CLIENT: TAKES_FURTHER},
-    profile="full",
-)
+@check("OPN-1", on={CLIENT: TAKES_FURTHER}, profile="full")
 def check_answers_in_any_session(trial: ClientTrial) -> None:
     """Init packets of memory that is there, and is not, between frames and losses."""
     kinds = ("announce", "mislead", "drop", "lend", "stall")
     play(trial, kinds, (("mislead",), ("stall", 0.05), ("drop", "ipc", "close"), ("announce", 2)))
 
 
-@check(
-    "OPN-5",
-    observable="closed for each former generation, on each connection",
-    on={CLIENT: TAKES_FURTHER},
-    profile="full",
-)
+@check("OPN-5", on={CLIENT: TAKES_FURTHER}, profile="full")
 def check_closes_former_memory_in_any_session(trial: ClientTrial) -> None:
     """Init packets between frames and losses."""
     kinds = ("announce", "lend", "mislead", "drop", "split")
@@ -89,7 +64,6 @@ def check_closes_former_memory_in_any_session(trial: ClientTrial) -> None:
 
 @check(
     "IMG-12",
-    observable="one release for each frame, on each connection",
     on={CLIENT: (*OPENS_HOST_MEMORY, "capability:frames", "returns:ipc")},
     profile="full",
 )

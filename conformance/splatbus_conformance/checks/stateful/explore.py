@@ -7,7 +7,7 @@ hundreds of tries. Every session is noted in the trial, so that a script shows i
 
 import contextlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 from hypothesis import HealthCheck, Phase, Verbosity, seed, settings
@@ -152,27 +152,18 @@ class _Search:
         search = self
 
         def take(session: Session, step: Step) -> None:
-            try:
+            with search.noting():
                 session.take(step)
-            except BreachFound as found:
-                search.note_failure(found)
-                raise
 
         def init(self: Any) -> None:
             RuleBasedStateMachine.__init__(self)
             search.stop_in_time()
-            try:
+            with search.noting():
                 self.session = search.begin()
-            except BreachFound as found:
-                search.note_failure(found)
-                raise
 
         def teardown(self: Any) -> None:
-            try:
+            with search.noting():
                 self.session.end()
-            except BreachFound as found:
-                search.note_failure(found)
-                raise
             search.done(self.session)
 
         members = {kind: _rule(kind, take) for kind in kinds}
@@ -183,11 +174,16 @@ class _Search:
         )
         return seed(self._trial.seed)(machine)
 
-    def note_failure(self, found: BreachFound) -> None:
+    @contextlib.contextmanager
+    def noting(self) -> Iterator[None]:
         """The first failure ends the search for others, and begins that for a smaller one."""
-        if not self._found:
-            self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.thorough]
-        self._found.append(found)
+        try:
+            yield
+        except BreachFound as found:
+            if not self._found:
+                self._until = time.monotonic() + SHRINKING_SECONDS[self._trial.thorough]
+            self._found.append(found)
+            raise
 
     def stop_in_time(self) -> None:
         """Raises _OutOfTime once no further session is to begin."""

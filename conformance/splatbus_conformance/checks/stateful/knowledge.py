@@ -3,6 +3,7 @@
 import functools
 from typing import NamedTuple
 
+from splatbus_conformance.checks.stateful.scripted_clients import pose_of
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import reach
@@ -74,12 +75,18 @@ def crowd(trial: ServerTrial) -> int:
             break
         members.append(connection)
     for connection in members:
-        connection.close()
-        if (memory := trial.viewer.with_(connection).memory) is not None:
-            memory.close()
-            trial.viewer.with_(connection).memory = None
+        forget(trial, connection)
     trial.peer.on_message = former
     return len(members)
+
+
+def forget(trial: ServerTrial, connection: Connection) -> None:
+    """Close a connection, and the memory that came on it."""
+    connection.close()
+    dealings = trial.viewer.with_(connection)
+    if dealings.memory is not None:
+        dealings.memory.close()
+        dealings.memory = None
 
 
 def _is_lent_a_frame(trial: ServerTrial, connection: Connection) -> bool:
@@ -107,11 +114,7 @@ def _seats_for_reading(trial: ServerTrial, greets: bool) -> int:
         trial.rest(SERVED_SECONDS / 4)
         served = [trial.viewer.with_(c) for c in members if not c.ended]
     for connection in members:
-        connection.close()
-    for given in served:
-        if given.memory is not None:
-            given.memory.close()
-            given.memory = None
+        forget(trial, connection)
     return len(served)
 
 
@@ -119,10 +122,7 @@ def _camera(trial: ServerTrial, connection: Connection, index: int) -> Json | No
     before = len(trial.replies(connection))
     trial.viewer.say(connection, {"type": "get_camera_pose", "cam_idx": index})
     trial.wait(lambda: len(trial.replies(connection)) > before or connection.ended, SERVED_SECONDS)
-    if len(trial.replies(connection)) <= before:
-        return None
-    reply = trial.replies(connection)[before]
-    return {name: reply.get(name) for name in ("position", "rotation")}
+    return next(map(pose_of, trial.replies(connection)[before:]), None)
 
 
 def _dialled(trial: ServerTrial, channel: Channel) -> Connection | None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from splatbus_conformance.rules import Breach
-from splatbus_conformance.wire.json_values import is_number
+from splatbus_conformance.wire.json_values import finite, within
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
 
@@ -41,7 +41,7 @@ class Asker:
             if what == VIEWPORT:
                 fits = "viewport_size" in reply
             else:
-                fits = "position" in reply and cameras[what] in (None, _pose(reply))
+                fits = "position" in reply and cameras[what] in (None, pose_of(reply))
             if not fits:
                 text = f"reply {number} to message client {self.seat} answers another request"
                 return Breach("out-of-order", text)
@@ -66,11 +66,9 @@ class Reader:
     def show(self, frame: Json) -> None:
         """Take a frame."""
         self.frames += 1
-        camera = frame.get("camera")
-        position = camera.get("position") if isinstance(camera, dict) else None
-        first = position[0] if isinstance(position, list) and position else None
-        self.camera = float(str(first)) if is_number(first) else None
+        self.camera = finite(within(frame, "camera", "position", 0))
 
 
-def _pose(reply: Json) -> Json:
+def pose_of(reply: Json) -> Json:
+    """The camera that a reply tells."""
     return {name: reply.get(name) for name in ("position", "rotation")}

@@ -32,12 +32,7 @@ def play(
     )
 
 
-@check(
-    "CHN-14",
-    on={SERVER: ()},
-    observable="every connection that is whole is answered, and sent frames, after each look",
-    may_crash=True,
-)
+@check("CHN-14", on={SERVER: ()}, may_crash=True)
 def check_serves_all_in_any_session(trial: ServerTrial) -> None:
     """Clients end in every way, in the midst of packets, of frames, of unread replies."""
     poses = tuple(("pose", seat, "camera_pose") for seat in range(3))
@@ -49,11 +44,7 @@ def check_serves_all_in_any_session(trial: ServerTrial) -> None:
     play(trial, EVERYTHING, *kept)
 
 
-@check(
-    "REQ-7",
-    on={SERVER: ()},
-    observable="the replies on each connection, against the requests on it",
-)
+@check("REQ-7", on={SERVER: ()})
 def check_answers_in_order_in_any_session(trial: ServerTrial) -> None:
     """Several clients ask at once; some leave before their replies come, and others come."""
     kinds = ("ask", "look", "connect", "drop", "half", "complete", "pose")
@@ -61,7 +52,7 @@ def check_answers_in_order_in_any_session(trial: ServerTrial) -> None:
     play(trial, kinds, (*three, ("ask", 0, 0), ("drop", "msg", 0, "reset"), ("ask", 1, 1)))
 
 
-@check("POS-11", observable="the camera of each frame", on={SERVER: LENDS})
+@check("POS-11", on={SERVER: LENDS})
 def check_obeys_the_first_in_any_session(trial: ServerTrial) -> None:
     """Several clients send poses; the one that was first leaves, and comes again."""
     kinds = ("pose", "look", "connect", "drop", "ask", "half", "complete")
@@ -71,7 +62,7 @@ def check_obeys_the_first_in_any_session(trial: ServerTrial) -> None:
     play(trial, kinds, (*two, *third, *passes))
 
 
-@check("IMG-2", observable="no frame comes while one is held", on={SERVER: LENDS}, profile="full")
+@check("IMG-2", on={SERVER: LENDS}, profile="full")
 def check_lends_one_at_a_time_in_any_session(trial: ServerTrial) -> None:
     """Clients hold frames while the camera moves, and subscribe."""
     kinds = ("hold", "pose", "release", "subscribe", "connect", "drop", "look", "stall")
@@ -80,9 +71,7 @@ def check_lends_one_at_a_time_in_any_session(trial: ServerTrial) -> None:
     play(trial, kinds, (*holds, *moves, *moves, *moves, ("subscribe", 0, "color"), ("look",)))
 
 
-@check(
-    "IMG-17", observable="as many clients are lent frames afterwards as before", on={SERVER: LENDS}
-)
+@check("IMG-17", on={SERVER: LENDS})
 def check_takes_leases_back_in_any_session(trial: ServerTrial) -> None:
     """Clients that hold frames end in every way; then those who are lent frames are counted."""
     kinds = ("hold", "pose", "drop", "connect", "release", "subscribe", "half", "stall", "look")

@@ -92,18 +92,7 @@ class WithClient:
     def take(self, step: Step) -> None:
         """Take a step."""
         kind, *arguments = step
-        taken: dict[str, Callable[..., None]] = {
-            "lend": self._lend,
-            "announce": self._announce,
-            "mislead": self._mislead,
-            "drop": self._drop,
-            "split": self._lend,
-            "stall": time.sleep,
-            "refuse": self._refuse,
-            "pose": self._pose,
-            "restart": self._restart,
-        }
-        taken[kind](*arguments)
+        getattr(self, f"_{kind}")(*arguments)
         self._watch()
 
     def settle(self) -> None:
@@ -135,6 +124,11 @@ class WithClient:
         if pause:
             self.trial.rest(pause)
             connection.send(lent[half:])
+
+    _split = _lend
+
+    def _stall(self, seconds: float) -> None:
+        time.sleep(seconds)
 
     def _announce(self, part: int) -> None:
         self.role.width, self.role.height = (max(1, length // part) for length in self._size)
@@ -188,9 +182,8 @@ class WithClient:
             return pose is not None and not off(pose, *right, single=single, size=size).far
 
         if not self.trial.wait(lambda: came() or self._at["msg"].ended):
-            any_came = any(m.get("type") == "camera_pose" for m in heard)
             text = "the pose that its engine was given"
-            if any_came:
+            if any(m.get("type") == "camera_pose" for m in heard):
                 raise SessionBreach("CNV-1", "another-pose", f"{text} became another")
             raise SessionBreach("CHN-19", "pose-not-sent", f"{text} never came")
 
@@ -199,11 +192,7 @@ class WithClient:
     def _watch(self) -> None:
         """What must hold at any moment."""
         self.trial.rest(0.0)
-        fate = self.trial.fate()
-        if fate == "exits":
-            raise SessionOver
-        if fate:
-            raise SessionBreach("CHN-19" if self._lost else "OPN-1", "dies", "the testee died")
+        self._lives("CHN-19" if self._lost else "OPN-1")
         if "ipc" in self._at:
             self._nothing_twice()
             if self._at["ipc"].ended:
@@ -213,14 +202,21 @@ class WithClient:
         if "msg" in self._at and self._at["msg"].ended:
             self._return(["msg"])
 
+    def _lives(self, requirement: str) -> None:
+        fate = self.trial.fate()
+        if fate == "exits":
+            raise SessionOver
+        if fate:
+            raise SessionBreach(requirement, "dies", "the testee died")
+
     def _nothing_twice(self) -> None:
         dealings = self._dealings
-        for kind, (said, least, requirement, code) in {
-            "answers": (self._said("opened", "open_failed"), 1, "OPN-1", "answered-twice"),
-            "closed": (self._said("closed"), 1, "OPN-5", "closed-too-often"),
-        }.items():
+        for kind, said, requirement, code in (
+            ("answers", self._said("opened", "open_failed"), "OPN-1", "answered-twice"),
+            ("closed", self._said("closed"), "OPN-5", "closed-too-often"),
+        ):
             for generation, times in said.items():
-                if times > least:
+                if times > 1:
                     text = f"generation {generation} got {times} {kind}"
                     raise SessionBreach(requirement, code, text)
         if dealings.generation in self._said("closed"):
@@ -308,11 +304,7 @@ class WithClient:
         self._meet_on(back)
 
     def _judge_return(self, missing: Sequence[Channel]) -> None:
-        fate = self.trial.fate()
-        if fate == "exits":
-            raise SessionOver
-        if fate:
-            raise SessionBreach("CHN-19", "dies", "the testee died")
+        self._lives("CHN-19")
         if not missing:
             return
         if set(missing) == set(self._channels):

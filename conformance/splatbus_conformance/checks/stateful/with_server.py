@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from splatbus_conformance.checks.stateful import SessionBreach, Step
-from splatbus_conformance.checks.stateful.knowledge import CAMERAS, SEATS, Knowledge, crowd
+from splatbus_conformance.checks.stateful.knowledge import CAMERAS, SEATS, Knowledge, crowd, forget
 from splatbus_conformance.checks.stateful.scripted_clients import VIEWPORT, Asker, Reader
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.server import ServerTrial
@@ -114,21 +114,7 @@ class WithServer:
     def take(self, step: Step) -> None:
         """Take a step."""
         kind, *arguments = step
-        taken: dict[str, Callable[..., None]] = {
-            "connect": self._connect,
-            "ask": self._ask,
-            "pose": self._pose,
-            "hold": self._hold,
-            "release": self._release,
-            "subscribe": self._subscribe,
-            "half": self._half,
-            "complete": self._complete,
-            "drop": self._drop,
-            "stall": time.sleep,
-            "look": self._look,
-            "restart": self._restart,
-        }
-        taken[kind](*arguments)
+        getattr(self, f"_{kind}")(*arguments)
         self._watch()
 
     def settle(self) -> None:
@@ -150,11 +136,9 @@ class WithServer:
 
     def leave(self) -> None:
         """Close every connection."""
-        ended = [asker.connection for asker in self._askers.values()]
-        ended += [reader.connection for reader in self._readers.values()]
-        for connection in ended:
-            connection.close()
-            self._forget(connection)
+        for seated in map(self._seated, CHANNELS):
+            for client in seated.values():
+                forget(self.trial, client.connection)
         self._askers, self._readers, self._movers = {}, {}, []
 
     # Steps
@@ -244,8 +228,7 @@ class WithServer:
             self.trial.wait(lambda: connection.ended, END_SECONDS)
         if how == "reset":
             connection.reset()
-        connection.close()
-        self._forget(connection)
+        forget(self.trial, connection)
 
     def _unseat(self, channel: Channel, seat: int) -> Connection:
         """Count a client no more; its connection."""
@@ -268,8 +251,10 @@ class WithServer:
             for seat, connection in seated:
                 replaced = connection.ended and connection.number < newest
                 if replaced and self.knowledge.seats[channel] < SEATS:
-                    self._unseat(channel, seat).close()
-                    self._forget(connection)
+                    forget(self.trial, self._unseat(channel, seat))
+
+    def _stall(self, seconds: float) -> None:
+        time.sleep(seconds)
 
     def _restart(self) -> None:
         self._restarted = True
@@ -387,12 +372,6 @@ class WithServer:
             text = f"no connection is accepted on the {channel} channel"
             raise SessionBreach("CHN-14", "not-listening", text)
         return connection
-
-    def _forget(self, connection: Connection) -> None:
-        memory = self.viewer.with_(connection).memory
-        if memory is not None:
-            memory.close()
-            self.viewer.with_(connection).memory = None
 
 
 def numbers() -> Iterator[int]:

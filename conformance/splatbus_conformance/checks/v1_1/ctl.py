@@ -5,7 +5,6 @@ import math
 from typing import Any
 
 from splatbus_conformance.checks import SERVER, check
-from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
 from splatbus_conformance.checks.v1_1.tim_png import CLOSENESS, set_time
 from splatbus_conformance.images.pinhole import placed_in, told_of
 from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_in, camera_of
@@ -21,6 +20,7 @@ from splatbus_conformance.trials.moves.image_session import (
     image_session,
     placed,
 )
+from splatbus_conformance.trials.moves.lenses import in_force, lens_of, scaled
 from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial

@@ -37,27 +37,13 @@ class BadNeighbour(NamedTuple):
     begins: Callable[[ServerTrial, Channel], Connection] = ServerTrial.dial
 
 
-def sends(what: str, data: bytes) -> BadNeighbour:
-    """One whose misdeed is what it sends."""
-    return BadNeighbour(what, lambda trial, connection: connection.send(data))
-
-
-def sends_and_resets(what: str, data: bytes) -> BadNeighbour:
-    """The same, and then the connection is reset."""
+def sends(what: str, data: bytes, ends: Callable[[Connection], None] | None = None) -> BadNeighbour:
+    """One whose misdeed is what it sends, or how its connection ends then."""
 
     def commit(trial: ServerTrial, connection: Connection) -> None:
         connection.send(data)
-        connection.reset()
-
-    return BadNeighbour(what, commit)
-
-
-def sends_and_closes(what: str, data: bytes) -> BadNeighbour:
-    """The same, and then the connection is closed at once."""
-
-    def commit(trial: ServerTrial, connection: Connection) -> None:
-        connection.send(data)
-        connection.close()
+        if ends:
+            ends(connection)
 
     return BadNeighbour(what, commit)
 
@@ -100,11 +86,6 @@ def _reads(trial: ServerTrial, connection: Connection) -> None:
         trial.wait(lambda: dealings.heard or connection.ended)
 
 
-def _half_closes(trial: ServerTrial, connection: Connection) -> None:
-    connection.send(REQUEST[:9])
-    connection.end_stream()
-
-
 def _holds_a_lease(trial: ServerTrial, connection: Connection) -> None:
     """Take a frame and give nothing back."""
     dealings = trial.viewer.with_(connection)
@@ -138,14 +119,14 @@ BAD_NEIGHBOURS = (
     sends("sends a bad length and much more", bytes(4) + b" " * (4 * LONGEST)),
     BadNeighbour("sends twenty thousand poses", _sends_many_poses),
     BadNeighbour("never reads its replies", _never_reads, ServerTrial.dial_narrowly),
-    BadNeighbour("ends its stream in the middle of a packet", _half_closes),
-    sends_and_resets("resets at once", b""),
-    sends_and_resets("resets in the middle of a packet", REQUEST[:16]),
-    sends_and_resets("resets before its replies come", 100 * REQUEST),
-    sends_and_closes("closes before its reply comes", REQUEST),
-    sends_and_closes("closes before its replies come", 100 * REQUEST),
-    sends_and_resets("sends a broken pose and resets", packet(encode(camera_pose())[:-1])),
-    BadNeighbour("closes at once", lambda trial, connection: connection.close()),
+    sends("ends its stream in the middle of a packet", REQUEST[:9], Connection.end_stream),
+    sends("resets at once", b"", Connection.reset),
+    sends("resets in the middle of a packet", REQUEST[:16], Connection.reset),
+    sends("resets before its replies come", 100 * REQUEST, Connection.reset),
+    sends("closes before its reply comes", REQUEST, Connection.close),
+    sends("closes before its replies come", 100 * REQUEST, Connection.close),
+    sends("sends a broken pose and resets", packet(encode(camera_pose())[:-1]), Connection.reset),
+    sends("closes at once", b"", Connection.close),
 )
 BAD_READERS = (
     BadNeighbour("never gives a frame back", _holds_a_lease, ServerTrial.before_hello),

@@ -15,6 +15,7 @@ from splatbus_conformance.trials.moves.frame_readers import fell_silent
 from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
+from splatbus_conformance.wire.json_values import show
 from splatbus_conformance.wire.messages import Json, camera_pose
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
@@ -147,6 +148,18 @@ def errors_after(
     connection.send(packet(payload))
     answered = answers(trial, connection)
     return [it for it in heard[before:] if it.get("type") == "error"], answered
+
+
+def expect_error(
+    trial: ServerTrial, errors: list[Json], code: str, pointer: str, what: str
+) -> None:
+    """What a client sent was answered by this error, and by no other."""
+    codes = [(it.get("code"), it.get("pointer")) for it in errors]
+    trial.expect(
+        codes == [(code, pointer)],
+        "another-error" if codes else "no-error",
+        f"{what} was answered by {show(codes or 'no error')}",
+    )
 
 
 def further(trial: ServerTrial, *others: Connection) -> Connection:

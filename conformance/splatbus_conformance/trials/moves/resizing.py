@@ -6,11 +6,12 @@ import math
 import random
 import time
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import joined
 from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
@@ -110,6 +111,20 @@ def resizing(trial: ServerTrial) -> Iterator[Connection]:
         trial.viewer.opens = trial.viewer.releases = True
         trial.peer.close_all()
         _restore(trial)
+
+
+class Sitting(NamedTuple):
+    """A client that changes the size, and one that reads frames."""
+
+    client: Connection
+    capture: FrameCapture
+
+
+@contextlib.contextmanager
+def sitting(trial: ServerTrial) -> Iterator[Sitting]:
+    """Both connected; afterwards images have the size that they had before."""
+    with resizing(trial) as client:
+        yield Sitting(client, FrameCapture(trial))
 
 
 def _restore(trial: ServerTrial) -> None:

@@ -5,16 +5,18 @@ import time
 
 from splatbus_schemas import FRAMING, LIMITS
 
-from splatbus_conformance.checks import CLIENT, check
+from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, Cases, End, Needs, check
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.losing import closing, lose
 from splatbus_conformance.trials.returning import PROBES
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.message_kinds import POSES
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection, Peer
 
 BOTH_RETURN = ("returns:ipc", "returns:msg")
+CONNECTS: dict[End, Needs] = {CLIENT_IPC: ("ipc",), CLIENT_MSG: ("msg",)}
 PAIRS: tuple[tuple[Channel, Channel, str], ...] = (
     ("ipc", "msg", "close"),
     ("msg", "ipc", "reset"),
@@ -31,21 +33,8 @@ ATTEMPTS = 4
 """Times that it took a testee to connect to one channel, until the other accepts too."""
 
 
-def closing(trial: ClientTrial, connection: Connection, seconds: float) -> str:
-    """`closes` if the testee ends this connection in time, also by an orderly exit; `dies` if it
-    ends the connection only because it crashed.
-    """
-    closed = trial.ends(connection, seconds)
-    trial.wait(trial.fate, REACTION_SECONDS)
-    if trial.fate() == "dies":
-        return "dies"
-    return "closes" if closed else "hangs"
-
-
-@check(
-    "CHN-2", on={CLIENT: ()}, observable="the testee connects to ports that it cannot have guessed"
-)
-def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
+@check("CHN-2", on={CLIENT: ()})
+def check_host_and_ports_can_be_set(trial: ClientTrial) -> bool:
     """The harness listens on ports other than the usual ones, and names them to the testee; for a
     channel that it was never seen on, the usual port is listened on too.
     """
@@ -55,9 +44,10 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
     }
     if set(usual.values()) & set(trial.peer.ports.values()):
         trial.not_observable("the harness listens on the usual ports")
+    seen = False
     for channel in sorted(trial.facts.connects):
         trial.connection(channel)
-        trial.delivered += _goes_on(trial, channel)
+        seen |= _goes_on(trial, channel)
     with contextlib.closing(Peer(trial.peer.host, usual)) as elsewhere:
         for channel in sorted(set(CHANNELS) - trial.facts.connects):
             try:
@@ -71,38 +61,36 @@ def check_host_and_ports_can_be_set(trial: ClientTrial) -> None:
                 f"it connects to the {channel} channel on port {usual[channel]} although another "
                 "was named",
             )
+    return seen
 
 
-@check(
-    "CHN-3",
-    observable="the testee comes to both channels, and goes on there",
-    on={CLIENT: BOTH_RETURN},
-)
-def check_either_channel_first(trial: ClientTrial) -> None:
+@check("CHN-3", on={CLIENT_IPC: BOTH_RETURN, CLIENT_MSG: BOTH_RETURN})
+def check_either_channel_first(trial: ClientTrial, first: Channel) -> bool:
     """One channel accepts before the other, each way round: which refuses until then, or leaves
     connections in its backlog. A testee that tries the other until it is accepted may do so.
     """
-    orders: tuple[tuple[Channel, Channel], ...] = (("ipc", "msg"), ("msg", "ipc"))
+    (second,) = {*CHANNELS} - {first}
+    returns = {*CHANNELS} <= trial.facts.returns
     lates = (("refused", trial.peer.refuse), ("kept waiting", trial.peer.hold))
+    seen = False
     # Who does not come back need not try again where it was refused (CHN-20).
-    able = lates[0 if {*CHANNELS} <= trial.facts.returns else 1 :]
-    for first, second in orders:
-        for said, late in able:
-            if not {*CHANNELS} <= trial.facts.returns:
-                trial.end_testee()
-            trial.peer.clear()
-            late(second)
-            trial.testee.ensure_running()
-            began = time.monotonic()
-            in_order = trial.arrives(first, MOST_SECONDS)
-            # Time for further attempts, each twice as long after the one before.
-            trial.rest(min(ATTEMPTS * (time.monotonic() - began), MOST_SECONDS) if in_order else 0)
-            trial.peer.listen(second)
-            what = f"{second} {said} its connection, and accepts it now, as {first} did before"
-            for channel in (second, first):
-                outcome = "accepts" if _goes_on(trial, channel) else "hangs"
-                trial.judge(outcome, f"{what}: on the {channel} channel")
-            trial.delivered += in_order
+    for said, late in lates[0 if returns else 1 :]:
+        if not returns:
+            trial.end_testee()
+        trial.peer.clear()
+        late(second)
+        trial.testee.ensure_running()
+        began = time.monotonic()
+        in_order = trial.arrives(first, MOST_SECONDS)
+        # Time for further attempts, each twice as long after the one before.
+        trial.rest(min(ATTEMPTS * (time.monotonic() - began), MOST_SECONDS) if in_order else 0)
+        trial.peer.listen(second)
+        what = f"{second} {said} its connection, and accepts it now, as {first} did before"
+        for channel in (second, first):
+            outcome = "accepts" if _goes_on(trial, channel) else "hangs"
+            trial.judge(outcome, f"{what}: on the {channel} channel")
+        seen |= in_order
+    return seen
 
 
 def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
@@ -119,12 +107,8 @@ def _goes_on(trial: ClientTrial, channel: Channel) -> bool:
     return came and trial.wait(goes_on, trial.patience)
 
 
-@check(
-    "CHN-9",
-    observable="the IPC connection stays open while no init packet comes",
-    on={CLIENT: ("ipc",)},
-)
-def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
+@check("CHN-9", on={CLIENT: ("ipc",)})
+def check_waits_for_the_init_packet(trial: ClientTrial) -> bool:
     """No init packet for 5.5 seconds (12 in the full profile, 1.5 in the brief one). A connection
     that the testee makes and ends for a reason of its own, such as to ask for the size first, is
     followed by another.
@@ -141,24 +125,19 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> None:
     outcome = "closes" if closed else trial.fate() or "waits"
     trial.judge(outcome, f"no init packet; it had stayed for {lasted:.2g} s before")
     if connection is not None and trial.facts.opens:
-        if trial.says_hello(connection):
-            trial.role.offer(connection, trial.role.init_packet(connection))
-            outcome = "waits" if trial.opens(connection) else "hangs"
-            trial.judge(outcome, f"an init packet that came after {seconds:g} s")
-            trial.delivered += 1
-        return
+        if not trial.says_hello(connection):
+            return False
+        trial.role.offer(connection, trial.role.init_packet(connection))
+        outcome = "waits" if trial.opens(connection) else "hangs"
+        trial.judge(outcome, f"an init packet that came after {seconds:g} s")
+        return True
     trial.role.offers_memory = True
-    if "ipc" not in trial.facts.returns:
-        trial.delivered += 1
-    elif not trial.comes_back("ipc"):
+    if "ipc" in trial.facts.returns and not trial.comes_back("ipc"):
         trial.not_observable("the testee waited, and was not seen to go on")
+    return True
 
 
-@check(
-    "CHN-10",
-    observable="the IPC connection stays open after the testee opened the memory",
-    on={CLIENT: ("hello:ipc",)},
-)
+@check("CHN-10", on={CLIENT: ("hello:ipc",)})
 def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
     """The testee has opened the memory and reads; its connection is watched for half a second."""
     connection = trial.greeted("ipc")
@@ -169,15 +148,9 @@ def check_keeps_the_ipc_connection(trial: ClientTrial) -> None:
         "closes",
         "it closed the IPC connection while it used the buffers",
     )
-    trial.delivered += 1
 
 
-@check(
-    "CHN-15",
-    observable="the testee closes the message connection when no reply comes",
-    on={CLIENT: ("asks",)},
-    profile="quick",
-)
+@check("CHN-15", on={CLIENT: ("asks",)}, profile="quick")
 def check_gives_up_a_reply(trial: ClientTrial) -> None:
     """The first request is never answered."""
     trial.role.replies = False
@@ -189,35 +162,28 @@ def check_gives_up_a_reply(trial: ClientTrial) -> None:
     limit = LIMITS["reply_seconds"]
     outcome = closing(trial, connection, limit + LIMITS["close_seconds"])
     trial.judge(outcome, f"no reply within {limit} s")
-    trial.delivered += 1
 
 
-@check(
-    "CHN-17",
-    on={CLIENT: ()},
-    observable="the testee ends its stream after the harness ended the other",
-)
-def check_closes_after_end_of_stream(trial: ClientTrial) -> None:
+@check("CHN-17", on=CONNECTS, cases=Cases((False, True)))
+def check_closes_after_end_of_stream(trial: ClientTrial, channel: Channel, awaits: bool) -> bool:
     """The harness ends its stream and keeps the connection, on each channel: while the testee
     waits for nothing, and while it waits for a welcome, an init packet or a reply.
     """
-    both = ((channel, awaits) for awaits in (0, 1) for channel in sorted(trial.facts.connects))
-    for channel, awaits in trial.each(list(both)):
-        role = trial.role
-        role.welcomes = role.offers_memory = role.replies = not awaits
-        if awaits:
-            for former in trial.peer.connections:
-                former.close()  # it may have been answered
-        connection = trial.connection(channel)
-        if channel == "msg":
-            _says_what_it_says(trial, connection, replied=not awaits)
-        trial.rest(SETTLE_SECONDS)
-        was_there = not connection.ended
-        connection.end_stream()
-        outcome = closing(trial, connection, EFFECT_SECONDS)
-        still = " while it waited for more" if awaits else ""
-        trial.judge(outcome, f"the server ended the stream of the {channel} channel{still}")
-        trial.delivered += was_there
+    role = trial.role
+    role.welcomes = role.offers_memory = role.replies = not awaits
+    if awaits:
+        for former in trial.peer.connections:
+            former.close()  # it may have been answered
+    connection = trial.connection(channel)
+    if channel == "msg":
+        _says_what_it_says(trial, connection, replied=not awaits)
+    trial.rest(SETTLE_SECONDS)
+    was_there = not connection.ended
+    connection.end_stream()
+    outcome = closing(trial, connection, EFFECT_SECONDS)
+    still = " while it waited for more" if awaits else ""
+    trial.judge(outcome, f"the server ended the stream of the {channel} channel{still}")
+    return was_there
 
 
 def _says_what_it_says(trial: ClientTrial, connection: Connection, *, replied: bool) -> None:
@@ -233,13 +199,8 @@ def _says_what_it_says(trial: ClientTrial, connection: Connection, *, replied: b
     trial.wait(lambda: said() or connection.ended)
 
 
-@check(
-    "CHN-19",
-    on={CLIENT: ()},
-    observable="the process is alive and connects again, waits, or ended by its own decision",
-    may_crash=True,
-)
-def check_survives_losing_its_server(trial: ClientTrial) -> None:
+@check("CHN-19", on={CLIENT: ()}, may_crash=True)
+def check_survives_losing_its_server(trial: ClientTrial) -> bool:
     """Both connections are reset, further ones refused for a while, then accepted and reset."""
     for connection in [trial.connection(channel) for channel in sorted(trial.facts.connects)]:
         connection.reset()
@@ -255,7 +216,7 @@ def check_survives_losing_its_server(trial: ClientTrial) -> None:
         trial.not_observable("the testee does not return, and its process is not the harness's")
     outcome = fate or ("waits" if not returns else "reconnects" if came else "hangs")
     trial.judge(outcome, "connections that are reset and refused")
-    trial.delivered += not returns  # its process lives, which is all that it can show
+    return came or not returns  # its process lives, which is all that it can show
 
 
 def _comes_and_is_reset(trial: ClientTrial, channel: Channel) -> bool:
@@ -265,85 +226,87 @@ def _comes_and_is_reset(trial: ClientTrial, channel: Channel) -> bool:
     return connection is not None
 
 
-@check("CHN-20", on={CLIENT: ()}, observable="the testee makes a new connection")
-def check_connects_again(trial: ClientTrial) -> None:
+@check("CHN-20", on=CONNECTS)
+def check_connects_again(trial: ClientTrial, channel: Channel) -> None:
     """Each channel is closed, then reset; the testee is given 11 seconds to come back. To come as
     late as that is another matter (CHN-22).
     """
-    ends = (("close", "closed"), ("reset", "reset"))
-    for channel in sorted(trial.facts.connects):
-        returns = channel in trial.facts.returns
-        for end, ended in ends if returns else ends[:1]:
-            if returns:
-                getattr(trial.connection(channel), end)()
-            else:
-                trial.peer.close_all()
-            before = sum(it.channel == channel for it in trial.peer.connections)
-            came = trial.arrives(channel, LONG_SECONDS, before)
-            outcome = "reconnects" if came else trial.fate() or "waits"
-            trial.judge(outcome, f"a connection to {channel} that was {ended}")
-            trial.delivered += 1
+    returns = channel in trial.facts.returns
+    for end in ("close", "reset")[: 1 + returns]:
+        if returns:
+            lose(trial, trial.connection(channel), end)
+        else:
+            trial.peer.close_all()
+        before = sum(it.channel == channel for it in trial.peer.connections)
+        came = trial.arrives(channel, LONG_SECONDS, before)
+        outcome = "reconnects" if came else trial.fate() or "waits"
+        trial.judge(outcome, f"a connection to {channel} that was lost ({end})")
 
 
 @check(
-    "CHN-23", observable="the other channel's connection stays open", on={CLIENT: ("ipc", "msg")}
+    "CHN-23",
+    on={CLIENT: ("ipc", "msg")},
+    cases=lambda trial: Cases(
+        [it for it in PAIRS if (it[0] in trial.facts.returns) == (it[2] != "end")],
+        kind=lambda it: it[2 if it[2] != "end" else 0],
+    ),
 )
-def check_keeps_the_other_channel(trial: ClientTrial) -> None:
+def check_keeps_the_other_channel(trial: ClientTrial, case: tuple[Channel, Channel, str]) -> bool:
     """One channel is closed, or reset, and comes back while the other is watched. Of a testee that
     does not come back there, it shows that it has noticed that the stream ends.
     """
-    pairs: list[tuple[Channel, Channel, str]] = [
-        (lost, other, how)
-        for lost, other, how in PAIRS
-        if (lost in trial.facts.returns) == (how != "end")
-    ]
-    for lost, other, how in trial.each(pairs, kind=lambda it: it[2 if it[2] != "end" else 0]):
-        by_starts = sorted((other, lost), key=lambda it: it in trial.facts.returns)
-        met = {channel: trial.connection(channel) for channel in by_starts}
-        kept, gone = met[other], met[lost]
-        if how == "end":
-            gone.end_stream()
-            if not trial.ends(gone):
-                continue
-        else:
-            getattr(gone, how)()
-            if trial.next_connection(lost) is None:
-                trial.not_observable(f"the testee did not come back to {lost}")
-        trial.rest(0.05)
-        if kept.ended and trial.facts.leaves:
-            continue
-        trial.expect(
-            not kept.ended, "closes", f"it closed the {other} channel when {lost} was lost ({how})"
-        )
-        trial.delivered += 1
+    lost, other, how = case
+    by_starts = sorted((other, lost), key=lambda it: it in trial.facts.returns)
+    met = {channel: trial.connection(channel) for channel in by_starts}
+    kept, gone = met[other], met[lost]
+    if how == "end":
+        gone.end_stream()
+        if not trial.ends(gone):
+            return False
+    else:
+        lose(trial, gone, how)
+        if trial.next_connection(lost) is None:
+            trial.not_observable(f"the testee did not come back to {lost}")
+    trial.rest(0.05)
+    if kept.ended and trial.facts.leaves:
+        return False
+    trial.expect(
+        not kept.ended, "closes", f"it closed the {other} channel when {lost} was lost ({how})"
+    )
+    return True
 
 
 @check(
     "CHN-24",
-    observable="the testee opens the memory of the new init packet",
     on={CLIENT: ("hello:ipc", "reconnects:ipc")},
+    given=lambda trial: contextlib.ExitStack(),
+    cases=lambda trial, _: Cases(
+        [
+            (how, max(1, trial.role.width // part), max(1, trial.role.height // part))
+            for how, part in (("close", 2), ("reset", 3))
+        ],
+        kind=lambda case: case[0],
+    ),
 )
-def check_uses_the_new_memory(trial: ClientTrial) -> None:
+def check_uses_the_new_memory(
+    trial: ClientTrial, memories: contextlib.ExitStack, case: tuple[str, int, int]
+) -> None:
     """The connection is closed, and reset; the server comes back with memory of another size."""
-    first = trial.role.width, trial.role.height
-    with contextlib.ExitStack() as memories:
-        for how, part in trial.each((("close", 2), ("reset", 3)), kind=lambda case: case[0]):
-            connection = trial.greeted("ipc")
-            if not trial.opens(connection):
-                trial.not_observable("the testee did not open the memory")
-            width, height = (max(1, side // part) for side in first)
-            size = trial.role.ring_bytes(width, height)
-            trial.role.memory = memories.enter_context(HostMemory(size))
-            memories.callback(trial.peer.close_all)
-            trial.role.width, trial.role.height = width, height
-            getattr(connection, how)()
-            again = trial.greeted("ipc")
-            trial.expect(
-                trial.opens(again),
-                "not-opened",
-                f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
-            )
-            frames = trial.role.with_(again).frames
-            released = not frames or trial.releases(again, frames[0])
-            trial.expect(released, "not-released", "no frame of the new memory was released")
-            trial.delivered += 1
+    how, width, height = case
+    connection = trial.greeted("ipc")
+    if not trial.opens(connection):
+        trial.not_observable("the testee did not open the memory")
+    memory = HostMemory(trial.role.ring_bytes(width, height))
+    trial.role.memory = memories.enter_context(memory)
+    memories.callback(trial.peer.close_all)
+    trial.role.width, trial.role.height = width, height
+    lose(trial, connection, how)
+    again = trial.greeted("ipc")
+    trial.expect(
+        trial.opens(again),
+        "not-opened",
+        f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
+    )
+    frames = trial.role.with_(again).frames
+    released = not frames or trial.releases(again, frames[0])
+    trial.expect(released, "not-released", "no frame of the new memory was released")

@@ -8,25 +8,20 @@ from collections.abc import Sequence
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.init_packets import changed
-from splatbus_conformance.checks import CLIENT, check
+from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, Cases, check
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.losing import BAD_LENGTH, CODES, ENDS, kind_of_code, lose
 from splatbus_conformance.trials.returning import PROBES
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
-from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS, OTHER_ERRORS
-from splatbus_conformance.wire.messages import error
+from splatbus_conformance.wire.message_kinds import CLOSING_ERRORS
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import Connection
 
 LEAST: float = LIMITS["reconnect_min_seconds"]
 MOST: float = LIMITS["reconnect_max_seconds"]
 ERROR_PAUSE: float = LIMITS["error_pause_seconds"]
-ENDS = ("close", "reset", "end")
-"""How a connection is lost; `end` is a half-close."""
-BAD_LENGTH = "a length that no packet may have"
 SLOW_SECONDS = 10 * LEAST
 """Whoever was away for so long needs no second look: each costs as long."""
-TOMORROW = "a_code_of_tomorrow"
-CODES = (*CLOSING_ERRORS, *OTHER_ERRORS, TOMORROW)
 LOST = (*ENDS, BAD_LENGTH, *CLOSING_ERRORS)
 NOWHERE = "splatbus-check-never-was"
 IN_A_ROW = 6
@@ -44,39 +39,6 @@ LATE_SECONDS = 1.0
 """By how much more than MOST a testee comes late, whose attempts the harness cannot see."""
 
 
-def lose(trial: ClientTrial, connection: Connection, how: str) -> float:
-    """End a connection in one of the ENDS, by a BAD_LENGTH, or by an `error` of this code; when it
-    began.
-
-    After an error whose code does not close the testee may go on.
-    """
-    trial.rest(0.0)
-    began = time.monotonic()
-    if how == "close":
-        connection.close()
-    elif how == "reset":
-        connection.reset()
-    elif how == BAD_LENGTH:
-        connection.send(bytes(4))
-        trial.ends(connection)
-        connection.close()
-    elif how in OTHER_ERRORS or how == TOMORROW:
-        trial.role.say(connection, error(how))
-        trial.ends(connection, REACTION_SECONDS)
-    else:
-        if how != "end":
-            trial.role.say(connection, error(how))
-        connection.end_stream()
-        trial.ends(connection)
-        connection.close()
-    return began
-
-
-def kind_of_code(code: str) -> str:
-    """Whether an `error` of this code closes; that of tomorrow is of a kind of its own."""
-    return code if code == TOMORROW else "closes" if code in CLOSING_ERRORS else "stays"
-
-
 def after(trial: ClientTrial, channel: Channel, lost: float) -> Connection:
     """The next connection of this testee that it made after one was lost."""
     connection = _later(trial, channel, lost)
@@ -92,28 +54,61 @@ def _later(trial: ClientTrial, channel: Channel, lost: float) -> Connection | No
     return connection
 
 
-def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: str) -> None:
-    """Every channel is lost, and lost again at once: attempts may not begin within LEAST.
+def expect_apart(
+    trial: ClientTrial, seconds: float, what: str, attempts: int = 2, least: float = LEAST
+) -> None:
+    """So many attempts began in at most this time, with pauses of so many seconds between two."""
+    trial.expect(
+        seconds >= (attempts - 1) * least,
+        "too-soon",
+        f"{what}, {attempts} attempts began within {1000 * seconds:.0f} ms;"
+        f" {1000 * least:.0f} are asked for between two",
+    )
+
+
+def coming_back(trial: ClientTrial) -> list[Channel]:
+    """The channels whose attempts can be seen."""
+    if not trial.facts.returns:
+        trial.not_observable("the testee does not connect again")
+    return sorted(trial.facts.returns)
+
+
+@check(
+    "CHN-21",
+    on={CLIENT: ()},
+    given=coming_back,
+    cases=lambda trial, back: Cases(
+        LOST if any(map(trial.facts.speaks_1_1, back)) else LOST[:4],
+        kind=lambda how: "error" if how in CLOSING_ERRORS else how,  # its code does not matter
+        spare=0,
+    ),
+)
+def check_paces_its_attempts(trial: ClientTrial, back: list[Channel], how: str) -> bool:
+    """Connections are closed, reset, half-closed, and sent a length on which the testee closes
+    them, each way twice, on each channel; in 1.1, an `error` comes in place of `welcome`, twice.
 
     The first of two attempts begins after a connection was lost, and the second before it is
     accepted, however late the harness looks.
     """
+    errs = how in CLOSING_ERRORS
+    channels = [it for it in back if trial.facts.speaks_1_1(it) or not errs]
     met = [trial.connection(channel) for channel in channels]
     trial.rest(SETTLE_SECONDS)
-    trial.role.welcomes = how in (*ENDS, BAD_LENGTH)
+    trial.role.welcomes = not errs
     lost = [lose(trial, connection, how) for connection in met]
+    seen = False
     again = []
     for connection, begun in zip(met, lost, strict=True):
         if not connection.gone:
             connection.close()
             continue
-        back = after(trial, connection.channel, begun)
-        if back.opened - begun < SLOW_SECONDS:
-            again.append((back, begun))
+        back_again = after(trial, connection.channel, begun)
+        if back_again.opened - begun < SLOW_SECONDS:
+            again.append((back_again, begun))
         else:
-            trial.delivered += 1
+            seen = True
     for connection, _ in again:
-        if not trial.role.welcomes and not trial.says_hello(connection):
+        if errs and not trial.says_hello(connection):
             trial.not_observable("the testee said no hello when it came back")
     second = [lose(trial, connection, how) for connection, _ in again]
     trial.role.welcomes = True
@@ -122,41 +117,15 @@ def judge_pace(trial: ClientTrial, channels: Sequence[Channel], how: str, what: 
             connection.close()
             continue
         apart = after(trial, connection.channel, once_more).opened - begun
-        trial.expect(
-            apart >= LEAST,
-            "too-soon",
-            f"{what}, on the {connection.channel} channel: two attempts began at most "
-            f"{1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
-        )
-        trial.delivered += 1
+        what = f"after {'an error ' * errs}{how}, on the {connection.channel} channel"
+        expect_apart(trial, apart, what)
+        seen = True
     for channel in channels:
         trial.reassure(channel)
+    return seen
 
 
-@check(
-    "CHN-21", on={CLIENT: ()}, observable="the time between the connections that the testee makes"
-)
-def check_paces_its_attempts(trial: ClientTrial) -> None:
-    """Connections are closed, reset, half-closed, and sent a length on which the testee closes
-    them, each way twice, on each channel; in 1.1, an `error` comes in place of `welcome`, twice.
-    """
-    back = coming_back(trial)
-    spoken = [it for it in back if trial.facts.speaks_1_1(it)]
-    for how in trial.each(LOST if spoken else LOST[:4], kind=way_of_losing, spare=0):
-        channels, what = (spoken, "an error ") if how in CLOSING_ERRORS else (back, "")
-        judge_pace(trial, channels, how, f"after {what}{how}")
-
-
-def way_of_losing(how: str) -> str:
-    """Every way but that of an `error` is one of its own, whose code does not matter."""
-    return "error" if how in CLOSING_ERRORS else how
-
-
-@check(
-    "CHN-21",
-    observable="the time between the connections that the testee makes",
-    on={CLIENT: ("reconnects:ipc",)},
-)
+@check("CHN-21", on={CLIENT: ("reconnects:ipc",)})
 def check_paces_attempts_without_images(trial: ClientTrial) -> None:
     """Every connection is sent an init packet of memory that cannot be opened. A testee that closes
     it, and comes back for more, must still pause, however many come in a row.
@@ -168,19 +137,13 @@ def check_paces_attempts_without_images(trial: ClientTrial) -> None:
     while connection is not None and len(sent) < IN_A_ROW:
         for attempts, first in enumerate(reversed(sent[:-1]), 2):
             within = connection.opened - first  # they began after what was sent first
-            trial.expect(
-                within >= (attempts - 1) * LEAST,
-                "too-soon",
-                f"given memory that it cannot open, it made {attempts} attempts within "
-                f"{1000 * within:.0f} ms; {1000 * LEAST:.0f} are asked for between two",
-            )
-            trial.delivered += 1
+            expect_apart(trial, within, "given memory that it cannot open", attempts)
         sent.append(time.monotonic())
         closes = _closes_on_what_it_cannot_open(trial, connection)
         connection = _later(trial, "ipc", sent[-1]) if closes else None
     if trial.fate():
         trial.end_testee()  # that it goes on is another sentence, with checks of its own
-    if not trial.delivered:
+    if len(sent) < 3:
         trial.not_observable("the testee does not come back for memory that it cannot open")
 
 
@@ -199,11 +162,7 @@ def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -
     return trial.ends(connection, REACTION_SECONDS)
 
 
-@check(
-    "CHN-21",
-    on={CLIENT: ()},
-    observable="how soon after the harness listens again the testee connects, each time",
-)
+@check("CHN-21", on={CLIENT: ()})
 def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
     """The channels refuse for a while, of another length each time, then accept; a testee that is
     there at once each time tries all the time. A busy machine may make it late now and then.
@@ -230,15 +189,9 @@ def check_paces_attempts_that_are_refused(trial: ClientTrial) -> None:
                 f"{TIMES} times that the {channel} channel accepted again, an attempt came within "
                 f"{1000 * AT_ONCE_SECONDS:.0f} ms: it does not pause when it is refused",
             )
-    trial.delivered += len(channels)
 
 
-@check(
-    "CHN-21",
-    on={CLIENT: ()},
-    observable="the time between the connections that follow when the harness listens again",
-    profile="quick",
-)
+@check("CHN-21", on={CLIENT: ()}, profile="quick")
 def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
     """Both channels refuse for some seconds, so that a pause which grows has grown, or come to the
     end of its table; one then accepts, a moment later the other, and the first connection of each
@@ -266,13 +219,8 @@ def check_paces_attempts_that_are_refused_for_long(trial: ClientTrial) -> None:
     trial.wait(each_came_twice, 2 * trial.return_seconds())
     for channel in channels:
         apart = after(trial, channel, listening[channel]).opened - listening[channel]
-        trial.expect(
-            apart >= LEAST,
-            "too-soon",
-            f"after {LONG_SECONDS:g} s in which the {channel} channel refused, two attempts began "
-            f"at most {1000 * apart:.0f} ms apart; {1000 * LEAST:.0f} are asked for",
-        )
-        trial.delivered += 1
+        what = f"after {LONG_SECONDS:g} s in which the {channel} channel refused"
+        expect_apart(trial, apart, what)
 
 
 def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
@@ -286,56 +234,38 @@ def refuse(trial: ClientTrial, channels: Sequence[Channel]) -> None:
 
 @check(
     "NEG-24",
-    observable="how soon after an error the testee connects again",
-    on={CLIENT: ("hello:ipc", "reconnects:ipc")},
+    on={
+        CLIENT_IPC: ("hello:ipc", "reconnects:ipc"),
+        CLIENT_MSG: ("hello:msg", "reconnects:msg"),
+    },
+    cases=Cases(CODES, kind=kind_of_code, spare=1),
 )
-def check_pauses_after_errors(trial: ClientTrial) -> None:
+def check_pauses_after_errors(trial: ClientTrial, channel: Channel, code: str) -> bool:
     """An `error` in place of `welcome`, twice in a row, with codes that close and others.
 
     The error is received after it was sent, and an attempt begins before it is accepted.
     """
-    _pauses_after_errors(trial, "ipc")
+    trial.role.welcomes, paused = False, False
+    connection = trial.connection(channel)
+    for _ in range(2):
+        if not trial.says_hello(connection):
+            trial.not_observable("the testee said no hello")
+        told = lose(trial, connection, code)
+        if not connection.gone:
+            connection.close()
+            break
+        connection = after(trial, channel, told)
+        pause, paused = connection.opened - told, True
+        what = f"since an error {code} was sent on the {channel} channel"
+        expect_apart(trial, pause, what, least=ERROR_PAUSE)
+        if pause >= SLOW_SECONDS:
+            break
+    trial.role.welcomes = True
+    trial.reassure(channel)
+    return paused
 
 
-@check(
-    "NEG-24",
-    observable="how soon after an error the testee connects again",
-    on={CLIENT: ("hello:msg", "reconnects:msg")},
-)
-def check_pauses_after_errors_on_the_message_channel(trial: ClientTrial) -> None:
-    """An `error` in place of `welcome`, as on the other channel."""
-    _pauses_after_errors(trial, "msg")
-
-
-def _pauses_after_errors(trial: ClientTrial, channel: Channel) -> None:
-    for code in trial.each(CODES, kind=kind_of_code, spare=1):
-        trial.role.welcomes = False
-        connection = trial.connection(channel)
-        for _ in range(2):
-            if not trial.says_hello(connection):
-                trial.not_observable("the testee said no hello")
-            told = lose(trial, connection, code)
-            if not connection.gone:
-                connection.close()
-                break
-            connection = after(trial, channel, told)
-            pause = connection.opened - told
-            trial.expect(
-                pause >= ERROR_PAUSE,
-                "too-soon",
-                f"it connected to the {channel} channel {1000 * pause:.0f} ms after an error "
-                f"{code} was sent there; {1000 * ERROR_PAUSE:.0f} are asked for",
-            )
-            trial.delivered += 1
-            if pause >= SLOW_SECONDS:
-                break
-        trial.role.welcomes = True
-        trial.reassure(channel)
-
-
-@check(
-    "CHN-22", on={CLIENT: ()}, observable="how long after it could connect again the testee does"
-)
+@check("CHN-22", on={CLIENT: ()})
 def check_comes_back_soon(trial: ClientTrial) -> None:
     """Connections are refused until a pause that doubles each time would be too long (for a second
     in the brief profile), then accepted; and lost, in 1.1 by an `error`.
@@ -394,11 +324,3 @@ def _expect_soon(trial: ClientTrial, channel: Channel, before: int, when: str) -
     trial.expect(
         came, "too-late", f"no attempt on the {channel} channel within {MOST} s after {when}"
     )
-    trial.delivered += 1
-
-
-def coming_back(trial: ClientTrial) -> list[Channel]:
-    """The channels whose attempts can be seen."""
-    if not trial.facts.returns:
-        trial.not_observable("the testee does not connect again")
-    return sorted(trial.facts.returns)

@@ -3,12 +3,13 @@
 import itertools
 import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.malformed.text import broken_texts
-from splatbus_conformance.checks import SERVER, check
-from splatbus_conformance.checks.v1_0.req.servers import every_request
+from splatbus_conformance.checks import SERVER, SERVER_IPC, SERVER_MSG, Cases, End, Needs, check
 from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import (
     BAD_NEIGHBOURS,
@@ -19,6 +20,7 @@ from splatbus_conformance.trials.moves.bad_neighbours import (
     crowd,
 )
 from splatbus_conformance.trials.moves.camera_control import CameraControl
+from splatbus_conformance.trials.moves.exchanges.answered import every_request
 from splatbus_conformance.trials.moves.stalled import PATIENCE_SECONDS, stalled
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
@@ -30,9 +32,11 @@ from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 
 BURST = 200
+AGAIN = 2
 SPARE = 12
 FURTHER = 100
 """More connections than most servers keep on a channel, or systems in their place."""
+EITHER: dict[End, Needs] = {SERVER_MSG: (), SERVER_IPC: ()}
 READERS = 12
 """As many of them want images."""
 UNKNOWN = {"type": "weather_report", "sunny": True}
@@ -50,11 +54,7 @@ HELLO = ("hello", encode(hello([*CAPABILITIES["ipc"]], None)))
 """One more, to who speaks 1.0 alone."""
 
 
-@check(
-    "CHN-1",
-    on={SERVER: ()},
-    observable="both ports accept connections, and the message channel answers",
-)
+@check("CHN-1", on={SERVER: ()})
 def check_offers_both_channels(trial: ServerTrial) -> None:
     """A connection to each channel, the one beside the other."""
     for channel in CHANNELS:
@@ -68,7 +68,7 @@ def check_offers_both_channels(trial: ServerTrial) -> None:
     trial.expect(not ipc.ended, "closes", "the IPC connection was ended")
 
 
-@check("CHN-4", observable="every IPC connection is sent an init packet", on={SERVER: ("cuda",)})
+@check("CHN-4", on={SERVER: ("cuda",)})
 def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
     """Client after client, on the IPC channel, which say nothing."""
     for number in range(1, 6):
@@ -80,15 +80,9 @@ def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
             f"the IPC client number {number} got no init packet",
         )
         connection.close()
-        trial.delivered += 1
 
 
-@check(
-    "CHN-7",
-    on={SERVER: ()},
-    observable="the IPC connection stays open, and says welcome to the hello that follows",
-    may_crash=True,
-)
+@check("CHN-7", on={SERVER: ()}, may_crash=True)
 def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     """Messages that no client of 1.0 sends there, broken text, and the longest packet."""
     connection = trial.dial("ipc")
@@ -103,15 +97,9 @@ def check_bytes_do_not_end_an_ipc_connection(trial: ServerTrial) -> None:
     connection.close()
     if not trial.serves():
         trial.not_observable("the connection stayed open, and the server serves nobody")
-    trial.delivered += len(trial.went_through[-1])
 
 
-@check(
-    "CHN-7",
-    on={SERVER: ()},
-    observable="the IPC connection stays open for as long as one on which nothing is said",
-    profile="full",
-)
+@check("CHN-7", on={SERVER: ()}, profile="full")
 def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
     """A whole packet, and then silence, for longer than a packet may take to be complete."""
     silent, spoken = trial.dial("ipc"), trial.dial("ipc")
@@ -124,22 +112,13 @@ def check_bytes_do_not_end_an_ipc_connection_later(trial: ServerTrial) -> None:
     trial.peer.close_all()
     if not trial.serves():
         trial.not_observable("the connection stayed open, and the server serves nobody")
-    trial.delivered += 1
 
 
-@check(
-    "CHN-12",
-    on={SERVER: ()},
-    observable="a client on each channel is served while the other is there",
-)
-def check_serves_both_channels_at_a_time(trial: ServerTrial) -> None:
+@check("CHN-12", on=EITHER)
+def check_serves_both_channels_at_a_time(trial: ServerTrial, first: Channel) -> None:
     """Either channel first; then requests, and frames where there are any."""
-    _expect_both_served(trial, "ipc", "msg")
-    _expect_both_served(trial, "msg", "ipc")
-
-
-def _expect_both_served(trial: ServerTrial, first: Channel, second: Channel) -> None:
     trial.peer.close_all()
+    (second,) = {*CHANNELS} - {first}
     open_on = {"msg": trial.dial, "ipc": trial.before_hello}
     connections = {channel: open_on[channel](channel) for channel in (first, second)}
     ipc, msg = connections["ipc"], connections["msg"]
@@ -155,12 +134,8 @@ def _expect_both_served(trial: ServerTrial, first: Channel, second: Channel) -> 
         trial.expect(not connection.ended, "closes", f"the {channel} connection was ended {what}")
 
 
-@check(
-    "CHN-13",
-    on={SERVER: ()},
-    observable="each further connection is answered, or it or another is closed",
-)
-def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
+@check("CHN-13", on={SERVER: ()})
+def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> bool:
     """A hundred clients on the message channel, which ask at once, and none of which goes."""
     numbers = list(trial.each(range(1, FURTHER + 1)))
     came: list[Connection | None] = []
@@ -176,15 +151,12 @@ def check_further_connections_are_not_left_waiting(trial: ServerTrial) -> None:
         served = client is not None and is_served(client)
         if trial.fate() or not served:
             trial.judge(trial.fate() or "waits", f"client number {number} on the message channel")
-        trial.delivered += bool(client and trial.replies(client))
-    trial.extent = f"of {len(came)} connections {trial.delivered} were served"
+    count = sum(bool(client and trial.replies(client)) for client in came)
+    trial.extent = f"of {len(came)} connections {count} were served"
+    return count > 0
 
 
-@check(
-    "CHN-13",
-    observable="each further connection hears something, or it is closed",
-    on={SERVER: ("1.1",)},
-)
+@check("CHN-13", on={SERVER: ("1.1",)})
 def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> None:
     """A hundred clients on the IPC channel, which say hello, and none of which goes."""
     trial.greeted("ipc")
@@ -193,7 +165,6 @@ def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> No
         trial.viewer.greet(connection, **({} if number <= READERS else {"capabilities": []}))
         if not _hears(trial, connection) or trial.fate():
             trial.judge(trial.fate() or "waits", f"client number {number} on the IPC channel")
-        trial.delivered += 1
 
 
 def _hears(trial: ServerTrial, connection: Connection) -> bool:
@@ -221,11 +192,7 @@ def _crowded(trial: ServerTrial) -> tuple[Connection, list[Connection]]:
     return asking, silent
 
 
-@check(
-    "CHN-25",
-    on={SERVER: ()},
-    observable="which client of a full channel is closed for a further one",
-)
+@check("CHN-25", on={SERVER: ()})
 def check_keeps_who_has_spoken(trial: ServerTrial) -> None:
     """One client has been answered; others come that say nothing, and none of which goes."""
     for _ in range(TRIES):
@@ -241,153 +208,6 @@ def check_keeps_who_has_spoken(trial: ServerTrial) -> None:
             break  # else places were held by connections of which the server knew no end yet
         trial.peer.close_all()
         trial.rest(REACTION_SECONDS)
-    trial.delivered += 1
-
-
-@check(
-    "CHN-14",
-    on={SERVER: ()},
-    observable="another client is answered and sees a new image; the next client is served",
-    may_crash=True,
-)
-def check_others_are_served_whatever_one_does(trial: ServerTrial) -> None:
-    """One client on the message channel sends what it should not, or too little, does not read,
-    resets or vanishes.
-    """
-    judge_neighbours(trial, "msg", BAD_NEIGHBOURS)
-
-
-@check(
-    "CHN-14",
-    on={SERVER: ()},
-    observable="another client is answered and sees a new image; the next client is served",
-    may_crash=True,
-)
-def check_others_are_served_whatever_one_does_on_ipc(trial: ServerTrial) -> None:
-    """The same on the IPC channel, and what only a reader of images can do: hold a lease, or reset
-    while it does.
-    """
-    readers = BAD_READERS if trial.facts.renders else ()
-    judge_neighbours(trial, "ipc", (*BAD_NEIGHBOURS, *readers))
-
-
-@check(
-    "CHN-14",
-    on={SERVER: ()},
-    observable="a client that was there is answered; after the crowd has gone, so is the next",
-    may_crash=True,
-)
-def check_a_crowd_does_no_harm(trial: ServerTrial) -> None:
-    """Eight clients on a channel that say nothing, and forty that come and go at once."""
-    for channel in CHANNELS:
-        witness = trial.dial("msg")
-        trial.expect(trial.answers(witness), "no-reply", "no reply on the message channel")
-        crowd(trial, channel)
-        trial.expect(
-            trial.answers(witness) or witness.ended,
-            "no-reply",
-            f"no reply beside {CROWD} idle clients on the {channel} channel",
-        )
-        trial.peer.close_all()
-        trial.expect(
-            trial.serves(),
-            "not-served",
-            f"no reply after {CROWD} idle clients on the {channel} channel",
-        )
-
-
-@check("CHN-16", on={SERVER: ()}, observable="every reply comes, and then the end of the stream")
-def check_answers_before_the_end(trial: ServerTrial) -> None:
-    """Requests of every kind in one write, and then the client's end of stream: none, one, three,
-    and two hundred; the same where one was answered before, and after `hello`.
-    """
-    cases = [(agreed, earlier, n) for agreed, earlier in WHO_ENDS for n in (0, 1, 3, BURST)]
-    speaks = trial.facts.welcome["msg"] is not None
-    for agreed, earlier, count in trial.each([it for it in cases if speaks or not it[0]]):
-        connection = trial.greeted("msg") if agreed else trial.dial("msg")
-        if earlier:
-            trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
-        before = len(trial.viewer.with_(connection).heard)
-        asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
-        connection.send(b"".join(packet(encode(each)) for each in asked))
-        what = f"{count} requests and the end of the stream"
-        what += " after hello" * agreed + " after one that was answered" * earlier
-        _expect_answers(trial, connection, before, count, what)
-
-
-@check("CHN-16", on={SERVER: ()}, observable="every reply comes, of more than TCP has room for")
-def check_answers_all_that_waits_before_the_end(trial: ServerTrial) -> None:
-    """Requests of which no reply is read, until some wait in the server; then the client's end of
-    stream, inside a request where TCP takes no more, and it reads.
-    """
-    stands = stalled(trial, CAMERA_REQUEST)
-    trial.extent = stands.extent
-    what = f"{stands.asked} requests, of which no reply was read, and the end of the stream"
-    heard = len(trial.viewer.with_(stands.connection).heard)
-    until = stands.moved + PATIENCE_SECONDS
-    _expect_answers(trial, stands.connection, heard, stands.asked, what, until)
-
-
-def _expect_answers(
-    trial: ServerTrial,
-    connection: Connection,
-    before: int,
-    count: int,
-    what: str,
-    until: float = math.inf,
-) -> None:
-    """End the stream, and read on, which has to begin by this moment of the monotonic clock."""
-    heard = trial.viewer.with_(connection).heard
-    connection.end_stream()
-    if count and trial.grows(connection, heard, before) and time.monotonic() > until:
-        trial.not_observable("nothing was read for so long that the server may end it (LIM-2)")
-    while len(heard) - before <= count and trial.grows(connection, heard, len(heard)):
-        pass
-    closed, replies = trial.ends(connection), len(heard) - before
-    trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
-    trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
-    trial.expect(
-        connection.ended == "eof", "reset", f"the server reset the connection after {what}"
-    )
-    connection.close()
-    trial.delivered += 1
-
-
-WHO_ENDS = ((False, False), (True, False), (False, True))
-"""Has said hello; has asked before, and been answered."""
-
-
-def judge_neighbours(
-    trial: ServerTrial, channel: Channel, neighbours: tuple[BadNeighbour, ...]
-) -> None:
-    """Let one client misbehave, and see how the others fare, and whoever comes next.
-
-    A server may end one client on a channel in favour of another (CHN-13). So one that is ended
-    tells something only if the same one stays beside a client that does nothing wrong.
-    """
-    others = Bystanders(trial, channel)
-    for neighbour in trial.each(neighbours):
-        what = f"a client that {neighbour.what}, on the {channel} channel"
-        if others.can_stay and not others.stay(neighbour, what):
-            others.can_stay = others.stay(HARMLESS[channel], f"a client on the {channel} channel")
-            if others.can_stay:
-                stayed = any(others.stay(neighbour, what) for _ in range(AGAIN))
-                trial.expect(stayed, "closes", f"the connection of another is ended beside {what}")
-        if not others.can_stay:
-            trial.peer.close_all()
-            commit(trial, channel, neighbour).close()
-        if trial.facts.alone["msg"]:
-            trial.peer.close_all()
-        if not trial.serves():
-            trial.wait(trial.fate, ENDING_SECONDS)
-            trial.violated("not-served", f"no reply after {what}")
-        trial.delivered += 1
-    trial.peer.close_all()
-    trial.expect(
-        trial.serves(),
-        "not-served",
-        f"no reply to the next client, after all on the {channel} channel",
-    )
 
 
 def commit(trial: ServerTrial, channel: Channel, neighbour: BadNeighbour) -> Connection:
@@ -448,4 +268,129 @@ class Bystanders:
         return self._steering
 
 
-AGAIN = 2
+@contextmanager
+def bystanders(trial: ServerTrial, channel: Channel) -> Iterator[Bystanders]:
+    """They are there from now on; afterwards everybody has gone, and the next client is served."""
+    yield Bystanders(trial, channel)
+    trial.peer.close_all()
+    trial.expect(
+        trial.serves(),
+        "not-served",
+        f"no reply to the next client, after all on the {channel} channel",
+    )
+
+
+def _neighbours(trial: ServerTrial, channel: Channel, _: object) -> Cases:
+    reads = channel == "ipc" and trial.facts.renders
+    return Cases((*BAD_NEIGHBOURS, *(BAD_READERS if reads else ())))
+
+
+@check("CHN-14", on=EITHER, given=bystanders, cases=_neighbours, may_crash=True)
+def check_others_are_served_whatever_one_does(
+    trial: ServerTrial, channel: Channel, others: Bystanders, neighbour: BadNeighbour
+) -> None:
+    """One client sends what it should not, or too little, does not read, resets or vanishes, or,
+    where it reads images, holds a lease, or resets while it does. Others are answered, and see new
+    images; whoever comes next is served.
+
+    A server may end one client on a channel in favour of another (CHN-13). So one that is ended
+    tells something only if the same one stays beside a client that does nothing wrong.
+    """
+    what = f"a client that {neighbour.what}, on the {channel} channel"
+    if others.can_stay and not others.stay(neighbour, what):
+        others.can_stay = others.stay(HARMLESS[channel], f"a client on the {channel} channel")
+        if others.can_stay:
+            stayed = any(others.stay(neighbour, what) for _ in range(AGAIN))
+            trial.expect(stayed, "closes", f"the connection of another is ended beside {what}")
+    if not others.can_stay:
+        trial.peer.close_all()
+        commit(trial, channel, neighbour).close()
+    if trial.facts.alone["msg"]:
+        trial.peer.close_all()
+    if not trial.serves():
+        trial.wait(trial.fate, ENDING_SECONDS)
+        trial.violated("not-served", f"no reply after {what}")
+
+
+@check("CHN-14", on=EITHER, may_crash=True)
+def check_a_crowd_does_no_harm(trial: ServerTrial, channel: Channel) -> None:
+    """Eight clients on a channel that say nothing, and forty that come and go at once."""
+    witness = trial.dial("msg")
+    trial.expect(trial.answers(witness), "no-reply", "no reply on the message channel")
+    crowd(trial, channel)
+    trial.expect(
+        trial.answers(witness) or witness.ended,
+        "no-reply",
+        f"no reply beside {CROWD} idle clients on the {channel} channel",
+    )
+    trial.peer.close_all()
+    trial.expect(
+        trial.serves(),
+        "not-served",
+        f"no reply after {CROWD} idle clients on the {channel} channel",
+    )
+
+
+@check(
+    "CHN-16",
+    on={SERVER: ()},
+    cases=lambda trial: Cases(
+        [
+            (agreed, earlier, count)
+            for agreed, earlier in ((False, False), (True, False), (False, True))
+            if trial.facts.welcome["msg"] or not agreed
+            for count in (0, 1, 3, BURST)
+        ]
+    ),
+)
+def check_answers_before_the_end(trial: ServerTrial, case: tuple[bool, bool, int]) -> None:
+    """Requests of every kind in one write, and then the client's end of stream: none, one, three,
+    and two hundred; the same where one was answered before, and after `hello`.
+    """
+    agreed, earlier, count = case
+    connection = trial.greeted("msg") if agreed else trial.dial("msg")
+    if earlier:
+        trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
+    before = len(trial.viewer.with_(connection).heard)
+    asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
+    connection.send(b"".join(packet(encode(each)) for each in asked))
+    what = f"{count} requests and the end of the stream"
+    what += " after hello" * agreed + " after one that was answered" * earlier
+    _expect_answers(trial, connection, before, count, what)
+
+
+@check("CHN-16", on={SERVER: ()})
+def check_answers_all_that_waits_before_the_end(trial: ServerTrial) -> None:
+    """Requests of which no reply is read, until some wait in the server; then the client's end of
+    stream, inside a request where TCP takes no more, and it reads.
+    """
+    stands = stalled(trial, CAMERA_REQUEST)
+    trial.extent = stands.extent
+    what = f"{stands.asked} requests, of which no reply was read, and the end of the stream"
+    heard = len(trial.viewer.with_(stands.connection).heard)
+    until = stands.moved + PATIENCE_SECONDS
+    _expect_answers(trial, stands.connection, heard, stands.asked, what, until)
+
+
+def _expect_answers(
+    trial: ServerTrial,
+    connection: Connection,
+    before: int,
+    count: int,
+    what: str,
+    until: float = math.inf,
+) -> None:
+    """End the stream, and read on, which has to begin by this moment of the monotonic clock."""
+    heard = trial.viewer.with_(connection).heard
+    connection.end_stream()
+    if count and trial.grows(connection, heard, before) and time.monotonic() > until:
+        trial.not_observable("nothing was read for so long that the server may end it (LIM-2)")
+    while len(heard) - before <= count and trial.grows(connection, heard, len(heard)):
+        pass
+    closed, replies = trial.ends(connection), len(heard) - before
+    trial.expect(replies == count, "another-count", f"{replies} replies to {what}")
+    trial.expect(closed, "not-closed", f"the server kept the connection open after {what}")
+    trial.expect(
+        connection.ended == "eof", "reset", f"the server reset the connection after {what}"
+    )
+    connection.close()

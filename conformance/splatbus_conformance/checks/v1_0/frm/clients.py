@@ -3,10 +3,10 @@
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, check
-from splatbus_conformance.checks.v1_0.chn.clients import closing
 from splatbus_conformance.checks.v1_0.frm.pieces import APART_SECONDS
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.exchange import asked_on, exchange
+from splatbus_conformance.trials.moves.losing import closing
 from splatbus_conformance.trials.returning import PROBES
 from splatbus_conformance.trials.trial import REACTION_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.messages import encode

@@ -6,9 +6,9 @@ from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.checks.v1_0.frm.headers import MOST
 from splatbus_conformance.checks.v1_0.frm.pieces import Cuts, send_cut
 from splatbus_conformance.checks.v1_0.frm.servers import REQUEST
-from splatbus_conformance.checks.v1_0.req.servers import replies_after
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.camera_control import CameraControl
+from splatbus_conformance.trials.moves.exchanges.answered import replies_after
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import camera_pose, encode, hello
 from splatbus_conformance.wire.packets import packet

@@ -12,9 +12,9 @@ from splatbus_conformance.cases.malformed.replies import BAD_REPLIES, BAD_TELEME
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
 from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, check
 from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet
-from splatbus_conformance.checks.v1_0.req.clients import outcome_of_reading
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.asking import asking
+from splatbus_conformance.trials.moves.exchanges.reading import outcome_of_reading
 from splatbus_conformance.trials.trial import ENDING_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json, encode

@@ -9,15 +9,15 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT
 from splatbus_conformance.checks.v1_0.jsn.writers import Writer, noting
-from splatbus_conformance.checks.v1_0.req.clients import (
+from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.exchanges.asking import asking
+from splatbus_conformance.trials.moves.exchanges.reading import (
     TIMES_AGAIN,
     answer_all,
     asks_again_and_again,
     outcome_of_reading,
     wait_for_all,
 )
-from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.exchanges.asking import asking
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 

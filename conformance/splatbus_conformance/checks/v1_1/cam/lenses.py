@@ -16,40 +16,37 @@ from splatbus_conformance.images.reprojection import APART, AS_SPECIFIED, FITS, 
 from splatbus_conformance.trials.moves.camera_control import camera_in
 from splatbus_conformance.trials.moves.image_session import (
     LENS,
+    NARROW,
     ImageSession,
     answers,
     at_rest,
     elsewhere,
+    errors_after,
+    expect_error,
     further,
+)
+from splatbus_conformance.trials.moves.lenses import (
+    expect_in_force,
+    in_force,
+    lens_of,
+    same_shape,
+    scaled,
 )
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
-from splatbus_conformance.wire.json_values import is_number, show, whole
-from splatbus_conformance.wire.messages import Json, camera_pose
+from splatbus_conformance.wire.json_values import show, whole
+from splatbus_conformance.wire.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.wire.sockets import Connection
 
-LENSES = ("1.1", "frames", "pixels", "capability:intrinsics")
+SHOWS = ("1.1", "frames", "pixels")
+LENSES = (*SHOWS, "capability:intrinsics")
 LARGEST: int = LIMITS["max_image_size"]
-SINGLE = 2.0**-22
-"""Two units in the last place of single precision, relative, which a server may count in."""
 WHOLE = 0.99
 """The share of the pixels that have to be right."""
 LEAST, MOST = LIMITS["min_lens"], LIMITS["max_lens"]
 ASKED = (0, 1, -1, 2**31)
 BAD_TAGS: tuple[Any, ...] = ("", "t" * (LIMITS["max_tag_chars"] + 1), None, 5, True, [], ["t"], {})
 FAR_SHAPES = ((1, 1), (2, 1), (1, 2), (LARGEST, 1), (1, LARGEST), (LARGEST, 2 * LARGEST // 3))
-
-
-def scaled(lens: Json, size: tuple[int, int]) -> dict[str, Any]:
-    """What a server whose images have this size makes of intrinsics (CAM-5)."""
-    across, down = size[0] / lens["width"], size[1] / lens["height"]
-    factors = {"fx": across, "cx": across, "fy": down, "cy": down, "near": 1.0, "far": 1.0}
-    return {name: lens[name] * factors[name] for name in LENS}
-
-
-def same_shape(width: int, height: int, size: tuple[int, int]) -> bool:
-    """Whether intrinsics of this size fit images of the other (CAM-6)."""
-    return abs(height * size[0] - width * size[1]) < max(width, height, *size)
 
 
 def fitting(width: int, size: tuple[int, int]) -> list[int]:
@@ -62,35 +59,6 @@ def fitting(width: int, size: tuple[int, int]) -> list[int]:
             height += step
         found.append(height)
     return found if same_shape(width, middle, size) else []
-
-
-def lens_of(photograph: CapturedFrame, width: int, height: int, *changes: float) -> Json:
-    """Intrinsics for an image of so many pixels: those of an image, but for factors for fx and fy,
-    and parts of the size by which the principal point is moved.
-    """
-    camera = photograph.camera
-    longer, taller, right, down = changes
-    across, up = width / camera.width, height / camera.height
-    return {
-        "fx": camera.fx * across * longer,
-        "fy": camera.fy * up * taller,
-        "cx": camera.cx * across + right * width,
-        "cy": camera.cy * up + down * height,
-        "width": width,
-        "height": height,
-        "near": camera.near,
-        "far": camera.far,
-    }
-
-
-def in_force(frame: Json, lens: dict[str, float]) -> str:
-    """Which number of a frame's camera is not as these intrinsics say; nothing if all are."""
-    camera: Any = frame.get("camera")
-    for name, wanted in lens.items():
-        told: Any = camera.get(name) if isinstance(camera, dict) else None
-        if not (is_number(told) and abs(told - wanted) <= SINGLE * abs(wanted)):
-            return f"{name} is {show(told)}, and {wanted!r} was to be expected"
-    return ""
 
 
 def drawn_lenses(first: CapturedFrame) -> st.SearchStrategy[Json]:
@@ -110,7 +78,7 @@ def drawn_lenses(first: CapturedFrame) -> st.SearchStrategy[Json]:
     )
 
 
-@check("CAM-5", observable="the camera of frames, and the pixels of images", on={SERVER: LENSES})
+@check("CAM-5", on={SERVER: LENSES})
 def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
     """Intrinsics for images of every size that has the shape of the server's, also rounded as far
     as it may be, with other focal lengths, principal points and clipping planes.
@@ -118,24 +86,25 @@ def check_images_are_seen_through_the_lens(trial: ServerTrial) -> None:
     first = first_view(trial)
     size = first.camera.width, first.camera.height
     listed = [
-        lens_of(first, size[0], size[1], 1.3, 0.8, 0.1, -0.05),
+        lens_of(first, *size, 1.3, 0.8, 0.1, -0.05),
         *(lens_of(first, w, h, 0.9, 1.1, 0.0, 0.02) for w in (854, 1920) for h in fitting(w, size)),
-        lens_of(first, 2 * size[0], 2 * size[1], 1.0, 1.0, 0.0, 0.0) | _cutting(first),
+        lens_of(first, 2 * size[0], 2 * size[1], 1.0, 1.0) | _cutting(first),
     ]
     session = ImageSession(trial)
     before = session.look()
     for lens in trial.each(listed, drawn_lenses(first), quick=8, full=500):
         told = f"the intrinsics {show(lens)} for images of {size[0]}×{size[1]}"
-        before_it = len(session.heard)
-        session.capture.go(elsewhere(trial), intrinsics=lens)
-        session.answers()
-        errors = [it for it in session.heard[before_it:] if it.get("type") == "error"]
+        errors, _ = _posed(session, elsewhere(trial), intrinsics=lens)
         trial.expect(not errors, "refused", f"{told} were answered by {show(errors)}")
         seen, wanted = session.look(intrinsics=lens), scaled(lens, size)
-        wrong = in_force(seen.frame, wanted)
-        trial.expect(not wrong, "other-intrinsics", f"{told}: of the frame's camera {wrong}")
+        expect_in_force(trial, seen.frame, wanted, told)
         _expect_seen_so(trial, before, seen, seen.camera._replace(**wanted), told)
-        trial.delivered += 1
+
+
+def _posed(session: ImageSession, camera: Pose, **members: Any) -> tuple[list[Json], bool]:
+    """The errors that come of a pose with these members, and whether what follows is answered."""
+    pose = camera_pose(*camera) | members
+    return errors_after(session.trial, session.poser, encode(pose))
 
 
 def _cutting(first: CapturedFrame) -> Json:
@@ -183,47 +152,28 @@ def other_shapes(size: tuple[int, int]) -> Iterator[tuple[int, int]]:
     yield from (it for it in FAR_SHAPES if not same_shape(*it, size))
 
 
-@check(
-    "CAM-6", observable="the error, and the cameras of the frames that follow", on={SERVER: LENSES}
-)
+@check("CAM-6", on={SERVER: LENSES})
 def check_refuses_lenses_of_another_shape(trial: ServerTrial) -> None:
     """Intrinsics whose shape is off by just as much as it may not be, and by more, in poses that
     move the camera: no part of them is applied.
     """
     first, session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
-    good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
+    good = lens_of(first, *size)
     session.look(intrinsics=good)
     for width, height in trial.each(list(dict.fromkeys(other_shapes(size)))):
-        told = f"intrinsics for {width}×{height}, of images of {size[0]}×{size[1]}"
-        before, known = len(session.heard), len(session.frames)
+        told = f"a pose with intrinsics for {width}×{height}, of images of {size[0]}×{size[1]},"
+        known = len(session.frames)
         bad = lens_of(first, width, height, 0.7, 0.7, 0.1, 0.1)
-        session.capture.go(turned_elsewhere(trial), intrinsics=bad, tag="refused")
-        trial.expect(session.answers(), "no-reply", f"{told}: the next request was not answered")
-        errors = [it for it in session.heard[before:] if it.get("type") == "error"]
-        codes = [(it.get("code"), it.get("pointer")) for it in errors]
-        trial.expect(
-            codes == [("invalid_message", "/intrinsics")],
-            "another-error" if codes else "no-error",
-            f"{told}, were answered by {show(codes) if codes else 'no error'}",
-        )
-        former, *frames = session.nudged(known - 1)
-        applied = what_was_applied(former, frames)
-        trial.expect(
-            not applied, "applies", f"{told}, were refused, and the pose was applied: {applied}"
-        )
-        wrong = in_force(frames[-1], scaled(good, size))
-        trial.expect(
-            not wrong,
-            "other-intrinsics",
-            f"{told}, were refused, and then of the frame's camera {wrong}",
-        )
-        trial.delivered += 1
+        errors, answered = _posed(session, _turned(trial), intrinsics=bad, tag="refused")
+        trial.expect(answered, "no-reply", f"{told} and the next request was not answered")
+        expect_error(trial, errors, "invalid_message", "/intrinsics", told)
+        applied = _applied(session, known)
+        trial.expect(not applied, "applies", f"{told} was refused and applied: {applied}")
+        expect_in_force(trial, session.frames[-1], scaled(good, size), f"{told} was refused")
 
 
-@check(
-    "CAM-7", observable="the cameras of frames after poses without intrinsics", on={SERVER: LENSES}
-)
+@check("CAM-7", on={SERVER: LENSES})
 def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     """Poses with intrinsics, and then whatever leaves them in force: poses without them, of the
     Gaussians too, those of a client without control, and those that are refused.
@@ -231,13 +181,10 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
     first, session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
     own = {name: first.frame["camera"][name] for name in LENS}
-    wrong = in_force(session.look().frame, own)
-    trial.expect(
-        not wrong, "other-intrinsics", f"nobody sent intrinsics, and of the frame's camera {wrong}"
-    )
+    expect_in_force(trial, session.look().frame, own, "nobody sent intrinsics")
     other = further(trial, session.poser)
-    lens = lens_of(first, *size, 0.75, 0.75, 0.0, 0.0)
-    foreign = lens_of(first, *size, 2.0, 2.0, 0.0, 0.0)
+    lens = lens_of(first, *size, 0.75, 0.75)
+    foreign = lens_of(first, *size, 2.0, 2.0)
     odd, no_pose = foreign | {"height": 2 * size[1] + 2}, camera_pose(rotation=(0.0, 0.0, 0.0, 2.0))
     for number in trial.each(range(3)):
         lens = lens | {"fx": lens["fx"] * 1.125, "cx": lens["cx"] + number}
@@ -266,13 +213,7 @@ def check_keeps_the_lens_in_force(trial: ServerTrial) -> None:
                 other = further(trial, session.poser)
                 break
             for frame in session.nudged(known):
-                wrong = in_force(frame, wanted)
-                trial.expect(
-                    not wrong,
-                    "other-intrinsics",
-                    f"intrinsics were sent, {moment}, and now {wrong}",
-                )
-        trial.delivered += 1
+                expect_in_force(trial, frame, wanted, f"intrinsics were sent, and {moment}")
 
 
 def _goes_on(trial: ServerTrial, sender: Connection, message: Json) -> bool:
@@ -281,11 +222,7 @@ def _goes_on(trial: ServerTrial, sender: Connection, message: Json) -> bool:
     return answers(trial, sender)
 
 
-@check(
-    "CAM-8",
-    observable="the intrinsics in replies to get_camera_pose",
-    on={SERVER: ("1.1", "capability:intrinsics")},
-)
+@check("CAM-8", on={SERVER: ("1.1", "capability:intrinsics")})
 def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
     """Several cameras are asked for, on a connection that agreed on intrinsics, before and after it
     has sent its own.
@@ -314,19 +251,14 @@ def check_tells_the_lens_of_its_cameras(trial: ServerTrial) -> None:
         if len(former) == len(ASKED):
             longer = told | {"fx": 2.0 * told["fx"], "fy": 2.0 * told["fy"]}
             trial.move(camera_pose() | {"intrinsics": longer})
-        trial.delivered += 1
 
 
-@check(
-    "CAM-9",
-    observable="the cameras of the frames that follow",
-    on={SERVER: ("1.1", "frames", "pixels")},
-)
+@check("CAM-9", on={SERVER: SHOWS})
 def check_keeps_the_former_camera(trial: ServerTrial) -> None:
     """Poses whose tag or intrinsics are none, of which no part may be applied."""
     first, session = first_view(trial, 0.0), ImageSession(trial)
     size = first.camera.width, first.camera.height
-    good = lens_of(first, *size, 1.25, 1.25, 0.0, 0.0)
+    good = lens_of(first, *size)
     has_lens = trial.facts.grants("intrinsics")
     broken = [("tag", value) for value in BAD_TAGS]
     if has_lens:
@@ -334,30 +266,47 @@ def check_keeps_the_former_camera(trial: ServerTrial) -> None:
         session.look(intrinsics=good)
     for name, value in trial.each(broken):
         known = len(session.frames)
-        session.capture.go(turned_elsewhere(trial), **{name: value})
+        _, answered = _posed(session, _turned(trial), **{name: value})
         what = f"a pose with the {name} {show(value)}"
-        if not session.answers():
+        if not answered:
             trial.judge(session.end(), what)
             trial.peer.close_all()
             session = ImageSession(trial)
             session.look(**({"intrinsics": good} if has_lens else {}))
             continue
-        former, *frames = session.nudged(known - 1)
-        applied = what_was_applied(former, frames)
+        applied = _applied(session, known)
         if has_lens:
-            applied = applied or in_force(frames[-1], scaled(good, size))
+            applied = applied or in_force(session.frames[-1], scaled(good, size))
         trial.judge("applies" if applied else "keeps", f"{what}; {applied}" if applied else what)
-        trial.delivered += 1
 
 
-def turned_elsewhere(trial: ServerTrial) -> Pose:
+@check("CAM-10", on={SERVER: SHOWS})
+def check_uses_no_lens_that_was_not_granted(trial: ServerTrial) -> None:
+    """A client that did not ask for `intrinsics` sends some, of two shapes."""
+    offered = [it for it in trial.viewer.capabilities["msg"] if it != "intrinsics"]
+    session = ImageSession(trial, capabilities=offered)
+    own = {name: session.frames[-1]["camera"][name] for name in LENS}
+    for lens in trial.each([intrinsics(*trial.facts.size), NARROW]):
+        known = len(session.frames)
+        errors, goes_on = _posed(session, _turned(trial), intrinsics=lens)
+        what = f"a pose with the lens {show(lens)}, which was not granted"
+        trial.expect(goes_on, "no-longer-served", f"{what}: the next request was not answered")
+        other = next(filter(None, (in_force(it, own) for it in session.nudged(known - 1))), "")
+        trial.expect(not other, "lens-in-force", f"{what}; {other}")
+        trial.judge("reports" if errors else "ignores", what)
+
+
+def _turned(trial: ServerTrial) -> Pose:
     """A camera that is moved and turned, so that a part of it alone is seen."""
     position, rotation = elsewhere(trial)
     return Pose(position, turned_about(rotation, (1, -2, 3), 0.25))
 
 
-def what_was_applied(former: Json, frames: list[Json]) -> str:
-    """What was applied of a pose that was refused, by the frames since; nothing if nothing was."""
+def _applied(session: ImageSession, known: int) -> str:
+    """What was applied of a pose that was refused, by the frames since and the one before; nothing
+    if nothing was.
+    """
+    former, *frames = session.nudged(known - 1)
     camera = camera_in(former)
     for frame in frames:
         now = camera_in(frame)

@@ -14,9 +14,9 @@ from splatbus_conformance.checks import (
     Cases,
     check,
 )
-from splatbus_conformance.checks.v1_0.chn.pacing import CODES, kind_of_code, lose
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
+from splatbus_conformance.trials.moves.losing import CODES, kind_of_code, lose
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import (
     CAPABILITIES,

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, Cases, check
-from splatbus_conformance.checks.v1_0.req.clients import answer_all
 from splatbus_conformance.checks.v1_1.neg.clients import declared, heard, listen
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.exchanges.reading import answer_all
 from splatbus_conformance.wire import message_kinds
 from splatbus_conformance.wire.messages import welcome
 from splatbus_conformance.wire.recording import WORDS, Channel

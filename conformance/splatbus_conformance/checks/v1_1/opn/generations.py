@@ -9,21 +9,22 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
-from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
-from splatbus_conformance.checks.v1_1.cam.resized import Sitting, other, sitting
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
 from splatbus_conformance.trials.moves.frame_readers import beside, fell_silent, holding
 from splatbus_conformance.trials.moves.image_session import elsewhere
+from splatbus_conformance.trials.moves.lenses import in_force, lens_of, scaled
 from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
+    Sitting,
     Size,
     changed,
     dealings_of,
     other_sizes,
     readers,
     resizing,
+    sitting,
     told_at,
 )
 from splatbus_conformance.trials.moves.survey import first_view, likeness
@@ -170,7 +171,7 @@ def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial, client: Co
     observable="every pixel of images of other sizes",
     on={SERVER: (*RESIZES, "pixels")},
     given=sitting,
-    cases=other(3),
+    cases=lambda trial, _: Cases(other_sizes(trial)[:3]),
 )
 def check_images_of_another_size_are_right(trial: ServerTrial, given: Sitting, size: Size) -> None:
     """The size changes, while a reader looks on: each image is of the camera that it names."""

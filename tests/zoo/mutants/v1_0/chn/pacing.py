@@ -94,7 +94,7 @@ def connects_again_at_once_after_every_other_error(patch):
     _waits(patch, 0.0, lambda self, _: _complained(self) and self.status.connections % 2 == 1)
 
 
-@mutant("NEG-24", check="check_pauses_after_errors_on_the_message_channel", code="too-soon")
+@mutant("NEG-24", check="check_pauses_after_errors", code="too-soon")
 def connects_again_at_once_after_an_error_about_messages(patch):
     """Connects its message channel again without a pause when the server has complained there."""
     _waits(patch, 0.0, lambda self, _: self.name == "message" and _complained(self))

@@ -131,7 +131,7 @@ def server_lets_the_fourth_wait_on_ipc(patch):
 
 @mutant(
     "CHN-14",
-    check="check_others_are_served_whatever_one_does_on_ipc",
+    check="check_others_are_served_whatever_one_does",
     code="unserved",
     at=server.TAKES_BYTES,
 )
@@ -149,7 +149,7 @@ def server_reads_packets_to_their_end(original, self, peer, data):
 
 @mutant(
     "CHN-14",
-    check="check_others_are_served_whatever_one_does_on_ipc",
+    check="check_others_are_served_whatever_one_does",
     code="unserved",
     at=server.LENDS_IMAGE,
 )
@@ -250,14 +250,14 @@ def _knows_deep_text(patch):
     return known
 
 
-@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", code="lost-a-vital-sign")
+@mutant("CHN-14", check=NEIGHBOURS, code="lost-a-vital-sign")
 def server_announces_nothing_after_deep_text(patch):
     """Welcomes readers, and announces memory to none of them, once deep text has come."""
     known = _knows_deep_text(patch)
     server.ANNOUNCES_MEMORY.wrap(patch, lambda original, *it: None if known else original(*it))
 
 
-@mutant("CHN-14", check=NEIGHBOURS + "_on_ipc", code="lost-a-vital-sign")
+@mutant("CHN-14", check=NEIGHBOURS, code="lost-a-vital-sign")
 def server_lends_nothing_after_deep_text(patch):
     """Lends no image to readers that come once deep text has come."""
     known, early = _knows_deep_text(patch), list[Connection]()

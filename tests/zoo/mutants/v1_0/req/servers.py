@@ -98,7 +98,7 @@ def stumbles_over_hello(patch):
     server.ANSWERS_HELLO.wrap(patch, answer)
 
 
-@mutant("REQ-8", check="check_hello_is_nothing_to_1_0", code="closes")
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="closes")
 def server_of_1_0_stumbles_over_hello(patch):
     """Speaks 1.0 alone, and drops whoever says hello on the message channel."""
     stumbles_over_hello(patch)

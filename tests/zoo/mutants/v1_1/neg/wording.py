@@ -164,7 +164,7 @@ def server_reports_poses_to_who_agreed_on_1_0(original, self, error, now):
 
 @mutant(
     "OBJ-4",
-    check="check_keeps_the_former_pose_of_each_object",
+    check="check_keeps_the_former_pose_of_an_object",
     code="applies",
     at=wire.POSE_OF_OBJECT,
 )

@@ -1,1 +1,0 @@
-"""Requests and replies: REQ (spec 1.0 chapter 6)."""
