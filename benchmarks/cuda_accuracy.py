@@ -10,18 +10,18 @@ must be empty. Colour must be clamped exactly.
 
 from __future__ import annotations
 
-import argparse
 import math
 from typing import Any
 
 import numpy as np
 
-from benchmarks._cuda import RESULTS, Buffer, require_gpu, write
-from benchmarks._pictures import pyplot, save
+from benchmarks import _cuda, _shared
+from benchmarks._cuda import Buffer, Device, api, call
 
 LARGEST = float(np.finfo(np.float32).max)
 LEAST_ALPHA = np.float32(1.0 / 255.0)
 WIDTH = 4096
+KINDS: Any = ("linear", "inverse", "accumulated")
 Planes = tuple[np.ndarray, np.ndarray]
 
 
@@ -59,7 +59,6 @@ def exact(kind: str, depth: np.ndarray, alpha: np.ndarray) -> np.ndarray:
 
 
 def measure(million: int) -> list[dict[str, Any]]:
-    from splatbus_server.cuda.driver import Device, api, call
     from splatbus_server.cuda.memory import DeviceMemory
     from splatbus_wire.semantics import Semantics
 
@@ -76,14 +75,13 @@ def measure(million: int) -> list[dict[str, Any]]:
             for plane, array in zip(planes, given, strict=True):
                 call(api.cuMemcpyHtoD, plane.pointer, array.ctypes.data, plane.bytes)
             depth, alpha = (array.reshape(shape) for array in given)
-            for kind in ("linear", "inverse", "accumulated"):
-                fill = memory.writer(color, *planes, kind, None)
+            for kind in KINDS:
+                fill = memory.writer(color, planes[0], planes[1], kind, None)
                 fill(0, frozenset({"color", "depth"}))
                 call(api.cuCtxSynchronize)
                 call(api.cuMemcpyDtoH, found.ctypes.data, memory._places[0][1], found.nbytes)
                 verdict = judged(kind, depth, alpha, found[::-1])
-                rows.append({"inputs": name, "kind": kind, **verdict})
-                print(rows[-1], flush=True)
+                rows.append(_shared.told({"inputs": name, "kind": kind, **verdict}))
         memory.close()
     return rows
 
@@ -114,40 +112,11 @@ def judged(kind: str, depth: np.ndarray, alpha: np.ndarray, found: np.ndarray) -
     }
 
 
-def draw(rows: list[dict[str, Any]]) -> None:
-    plt = pyplot()
-    names = list(dict.fromkeys(row["inputs"] for row in rows))
-    figure, axis = plt.subplots(figsize=(9, 4))
-    for offset, kind in enumerate(("linear", "inverse", "accumulated")):
-        found = [row for row in rows if row["kind"] == kind]
-        places = [at + 0.27 * (offset - 1) for at in range(len(found))]
-        bars = axis.barh(places, [row["worst_ulp"] or 0.0 for row in found], 0.25, label=kind)
-        wrong = [row["overflowed_wrong"] + row["empty_wrong"] for row in found]
-        texts = [
-            "no covered pixel" if row["worst_ulp"] is None else f"{row['worst_ulp']:.3g}"
-            for row in found
-        ]
-        texts = [f"{t}; {w} wrong" if w else t for t, w in zip(texts, wrong, strict=True)]
-        axis.bar_label(bars, texts, fontsize=7, padding=2)
-    axis.axvline(0.5, color="black", linewidth=0.8, linestyle="--")
-    axis.text(0.52, 4.95, "0.5: correctly rounded", fontsize=8)
-    axis.set_yticks(range(len(names)), names, fontsize=8)
-    axis.set_xlim(0, 0.72)
-    axis.set_xlabel("worst error of a covered pixel (ULP of float32)")
-    axis.legend(fontsize=8, loc="upper right")
-    axis.invert_yaxis()
-    figure.tight_layout()
-    save(figure, RESULTS / "cuda_accuracy.png")
-
-
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--millions", type=int, default=8, help="of pixels for each row")
-    options = parser.parse_args()
-    require_gpu()
+    options = _shared.options(__doc__, millions=8)
+    _cuda.require_gpu()
     rows = measure(options.millions)
-    write("cuda_accuracy", {"pixels_a_row": options.millions << 20, "rows": rows})
-    draw(rows)
+    _cuda.write("cuda_accuracy", {"pixels_a_row": options.millions << 20, "rows": rows})
 
 
 if __name__ == "__main__":

@@ -11,13 +11,10 @@ median of all rounds is told. The pictures of both are to be equal.
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
-import select
 import statistics
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -26,15 +23,16 @@ from typing import Any, Literal
 
 import numpy as np
 
-from benchmarks._cuda import ROOT, Buffer, require_gpu, write
+from benchmarks import _cuda, _shared
+from benchmarks._cuda import Buffer, Device, api, call
 
 IMAGES = 500
-CPP = ROOT / "reference_client" / "cpp"
+CPP = _shared.ROOT / "reference_client" / "cpp"
 KINDS = ("cuda", "host")
 
 
-def serve(kind: str, width: int, height: int, when: str = "always") -> None:
-    """A server until its input ends: prints its ports, and publishes one image on and on.
+def serve(kind: str, width: int, height: int, when: str) -> None:
+    """A server until it is told to end: prints its ports, and publishes one image on and on.
 
     Or `"asked"` for another view.
     """
@@ -50,7 +48,7 @@ def serve(kind: str, width: int, height: int, when: str = "always") -> None:
     with splatbus_server.serve(width, height, ipc_port=0, message_port=0, memory=memory) as bus:
         size, image = (width, height), planes((width, height))
         print(bus.address.ipc_port, bus.address.message_port, flush=True)
-        while not select.select([sys.stdin], [], [], 0)[0]:
+        while True:
             if view := bus.next_view(0.05, contents_changed=when == "always"):
                 if size != (view.width, view.height):
                     size, image = (view.width, view.height), planes((view.width, view.height))
@@ -60,31 +58,35 @@ def serve(kind: str, width: int, height: int, when: str = "always") -> None:
 @contextmanager
 def serving(kind: str, size: tuple[int, int], when: str) -> Iterator[tuple[int, int]]:
     """Such a server in another process: its IPC and its message port."""
-    line = [sys.executable, "-m", "benchmarks.cuda_gl", "--as-server", kind, *map(str, size), when]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(line, cwd=ROOT, stdin=pipe, stdout=pipe, text=True) as process:
-        assert process.stdin
-        assert process.stdout
-        ipc, message = map(int, process.stdout.readline().split())
+    with _shared.calling("cuda_gl", "serve", kind, *size, when) as process:
+        ipc, message = map(int, _shared.heard(process).split())
         yield ipc, message
-        process.stdin.close()
+
+
+def where(ports: tuple[int, int]) -> dict[str, str]:
+    """The environment of a client of a server."""
+    ipc, message = ports
+    return os.environ | {"SPLATBUS_IPC_PORT": str(ipc), "SPLATBUS_MSG_PORT": str(message)}
 
 
 def uploaded(plane: Any) -> Buffer:
-    from splatbus_server.cuda.driver import Device, api, call
-
     with Device(0).current():
         buffer = Buffer(plane.shape)
         call(api.cuMemcpyHtoD, buffer.pointer, plane.ctypes.data, plane.nbytes)
     return buffer
 
 
+def compiled(program: str, to: Path, *options: str) -> None:
+    """A program of the C++ client."""
+    line = ["g++", "-std=c++17", "-O2", f"-I{CPP / 'include'}", "-pthread"]
+    source = str(CPP / "programs" / f"{program}.cpp")
+    subprocess.run([*line, source, "-o", str(to), *options], check=True)
+
+
 def milliseconds(program: Path, kind: str, size: tuple[int, int], picture: Path) -> float:
-    with serving(kind, size, "always") as (ipc, message):
-        where = os.environ | {"SPLATBUS_IPC_PORT": str(ipc), "SPLATBUS_MSG_PORT": str(message)}
-        done = subprocess.run(
-            [program, picture, str(IMAGES)], env=where, capture_output=True, text=True, timeout=300
-        )
+    with serving(kind, size, "always") as ports:
+        line = [str(program), str(picture), str(IMAGES)]
+        done = subprocess.run(line, env=where(ports), capture_output=True, text=True, timeout=300)
     found = re.search(r"images from (CUDA|memory of the host), ([\d.]+) ms each", done.stdout)
     assert found, done.stdout + done.stderr
     assert (found[1] == "CUDA") == (kind == "cuda")
@@ -92,35 +94,22 @@ def milliseconds(program: Path, kind: str, size: tuple[int, int], picture: Path)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks cuda_gl")
-    parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--size", default="1920x1080")
-    parser.add_argument("--as-server", nargs="+", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.as_server:
-        kind, width, height, *when = given.as_server
-        serve(kind, int(width), int(height), *when)
-        return
-    require_gpu()
-    width, height = map(int, given.size.split("x"))
+    given = _shared.options(__doc__, rounds=5, size="1920x1080")
+    _cuda.require_gpu()
     with tempfile.TemporaryDirectory() as scratch:
         program = Path(scratch) / "gl_viewer"
-        line = ["g++", "-std=c++17", "-O2", f"-I{CPP / 'include'}", "-pthread"]
-        line += [str(CPP / "programs" / "gl_viewer.cpp"), "-o", str(program), "-lEGL", "-lOpenGL"]
-        subprocess.run(line, check=True)
+        compiled("gl_viewer", program, "-lEGL", "-lOpenGL")
         pictures = {kind: Path(scratch) / f"{kind}.png" for kind in KINDS}
         took: dict[str, list[float]] = {kind: [] for kind in KINDS}
-        for number in range(given.rounds):
+        for _ in range(given.rounds):
             for kind in KINDS:
-                found = milliseconds(program, kind, (width, height), pictures[kind])
-                print(f"round {number + 1}, {kind}: {found} ms", flush=True)
-                took[kind].append(found)
+                took[kind].append(milliseconds(program, kind, given.size, pictures[kind]))
         assert pictures["cuda"].read_bytes() == pictures["host"].read_bytes()
     rows = [
-        {"from": kind, "ms": statistics.median(each), "least": min(each), "most": max(each)}
-        for kind, each in took.items()
+        _shared.told({"from": kind, "ms": statistics.median(ms), "least": min(ms), "most": max(ms)})
+        for kind, ms in took.items()
     ]
-    write("cuda_gl", {"images": IMAGES, "rows": rows})
+    _cuda.write("cuda_gl", {"images": IMAGES, "rows": rows})
 
 
 if __name__ == "__main__":

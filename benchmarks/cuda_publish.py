@@ -17,117 +17,89 @@ so that no cache holds them.
 
 from __future__ import annotations
 
-import argparse
-import socket
 import statistics
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from itertools import count as numbers
 from typing import Any
 
-from benchmarks._cuda import PIXEL_BYTES, RESULTS, SIZES, require_gpu, write
-from benchmarks._pictures import pyplot, save
-from benchmarks.round_trip import HELLO, packet
+from benchmarks import _cuda, _shared
+from benchmarks._cuda import Device, api
+from benchmarks._shared import Bars, Work
 
 GPU_GOAL, WALL_GOAL = 1.05, 1.15
 QUEUED = 40
-Call = Callable[[int], Any]
-
-
-@contextmanager
-def watched(ipc_port: int) -> Iterator[None]:
-    """A client that has the memory open, and so lets the server render; it never reads."""
-    hello = HELLO | {"capabilities": ["cuda_ipc", "frames"]}
-    with socket.create_connection(("127.0.0.1", ipc_port), timeout=10) as client:
-        client.sendall(packet(hello))
-        received = b""
-        while b"welcome" not in received:
-            received += client.recv(65536)
-        client.sendall(packet({"type": "opened", "generation": 1}))
-        yield
 
 
 def sources(width: int, height: int, count: int) -> dict[str, list[tuple[Any, dict[str, Any]]]]:
     """Of each layout, some images: colour, and what else `publish` is given."""
-    import torch
+    import torch  # type: ignore[import-not-found,unused-ignore]
 
     def image(*shape: int) -> Any:
         return torch.rand(*shape, device="cuda")
 
-    rgba = [image(height, width, 4) for _ in range(count)]
-    depth = [image(height, width) + 0.5 for _ in range(count)]
-    alpha = [image(height, width) for _ in range(count)]
-    planes = [c.permute(2, 0, 1).contiguous() for c in rgba]
-    return {
-        "RGBA": [(c, {"depth": d}) for c, d in zip(rgba, depth, strict=True)],
-        "RGB": [(c[..., :3].contiguous(), {"depth": d}) for c, d in zip(rgba, depth, strict=True)],
-        "planes RGBA": [(c, {"depth": d}) for c, d in zip(planes, depth, strict=True)],
-        "planes RGB, 1/z, alpha": [
-            (c[:3], {"depth": d, "alpha": a, "depth_kind": "inverse"})
-            for c, d, a in zip(planes, depth, alpha, strict=True)
-        ],
-        "RGBD in one, alpha (gsplat)": [
-            (c[..., :3], {"depth": c[..., 3], "alpha": a, "depth_kind": "accumulated"})
-            for c, a in zip(rgba, alpha, strict=True)
-        ],
-        "RGBA, float16": [
-            (c.half(), {"depth": d.half()}) for c, d in zip(rgba, depth, strict=True)
-        ],
-    }
+    found: dict[str, list[tuple[Any, dict[str, Any]]]] = {}
+    for _ in range(count):
+        rgba, depth = image(height, width, 4), image(height, width) + 0.5
+        alpha, planes = image(height, width), rgba.permute(2, 0, 1).contiguous()
+        inverse = {"depth": depth, "alpha": alpha, "depth_kind": "inverse"}
+        accumulated = {"depth": rgba[..., 3], "alpha": alpha, "depth_kind": "accumulated"}
+        for layout, color, others in (
+            ("RGBA", rgba, {"depth": depth}),
+            ("RGB", rgba[..., :3].contiguous(), {"depth": depth}),
+            ("planes RGBA", planes, {"depth": depth}),
+            ("planes RGB, 1/z, alpha", planes[:3], inverse),
+            ("RGBD in one, alpha (gsplat)", rgba[..., :3], accumulated),
+            ("RGBA, float16", rgba.half(), {"depth": depth.half()}),
+        ):
+            found.setdefault(layout, []).append((color, others))
+    return found
 
 
-def gpu_us(work: Call) -> float:
+def gpu_us(work: Work) -> float:
     """Microseconds on the GPU of one piece of work among many that wait in its queue."""
-    import torch
+    import torch  # type: ignore[import-not-found,unused-ignore]
 
     begin, end = (torch.cuda.Event(enable_timing=True) for _ in range(2))
     torch.cuda.synchronize()
     torch.cuda._sleep(4_000_000)  # 2 ms, in which all the rest is queued
     begin.record()
-    for number in range(QUEUED):
-        work(number)
+    for _ in range(QUEUED):
+        work()
     end.record()
     torch.cuda.synchronize()
-    return begin.elapsed_time(end) / QUEUED * 1e3
+    return float(begin.elapsed_time(end) / QUEUED * 1e3)
 
 
-def wall_us(work: Call) -> float:
-    import torch
-
-    times = []
-    stream = torch.cuda.current_stream()
-    for number in range(QUEUED):
-        start = time.perf_counter()
-        work(number)
-        stream.synchronize()
-        times.append((time.perf_counter() - start) * 1e6)
-    return statistics.median(times)
+def wall_us(work: Work) -> float:
+    return statistics.median(1e3 * _cuda.synchronised(work) for _ in range(QUEUED))
 
 
-def loop_us(work: Call) -> float:
-    import torch
+def loop_us(work: Work) -> float:
+    def loop() -> None:
+        for _ in range(4 * QUEUED):
+            work()
 
-    torch.cuda.synchronize()
-    start = time.perf_counter()
-    for number in range(4 * QUEUED):
-        work(number)
-    torch.cuda.synchronize()
-    return (time.perf_counter() - start) / (4 * QUEUED) * 1e6
+    return 1e3 * _cuda.synchronised(loop) / (4 * QUEUED)
 
 
 WAYS = {"gpu": gpu_us, "gpu_with_event": gpu_us, "wall": wall_us, "loop": loop_us}
 
 
+def in_turn(does: Callable[[int], object]) -> Work:
+    """A call that is told how many were before."""
+    number = numbers()
+    return lambda: does(next(number))
+
+
 def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
-    import splatbus_server
-    import torch
+    import torch  # type: ignore[import-not-found,unused-ignore]
     from splatbus_server.cuda import launching
-    from splatbus_server.cuda.driver import Device, api, interprocess_event
+    from splatbus_server.cuda.driver import interprocess_event
 
     with Device(0).current():
         event = interprocess_event()
     count = 2 if width > 4000 else 6
-    size = PIXEL_BYTES * width * height
+    size = _cuda.PIXEL_BYTES * width * height
     copies = [torch.empty(2, size // 4, device="cuda").uniform_() for _ in range(count)]
     pointers = [(copy[0].data_ptr(), copy[1].data_ptr()) for copy in copies]
 
@@ -141,20 +113,9 @@ def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
 
     floors = {"gpu": copy, "gpu_with_event": copy_and_record, "wall": copy, "loop": copy}
     rows = []
-    options = {"memory": "cuda_ipc", "ipc_port": 0, "message_port": 0, "readers": 1}
-    with (
-        splatbus_server.serve(width, height, **options) as bus,
-        watched(bus.address.ipc_port),
-    ):
-        view = bus.next_view(10.0)
-        assert view is not None
-        while "legacy" in view.wants:  # as long as the client has not said hello
-            view = bus.next_view(0.1, contents_changed=True) or view
+    with _shared.seen(width, height, "cuda_ipc") as (bus, view):
         memory: Any = bus._exchange.memory
         for name, images in sources(width, height, count).items():
-            color, others = images[0]
-            for _ in range(3 * QUEUED):  # compiles, and wakes the machine
-                bus.publish(view, color, **others)
             fills = [
                 memory.writer(c, o["depth"], o.get("alpha"), o.get("depth_kind", "linear"), None)
                 for c, o in images
@@ -163,8 +124,8 @@ def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
             def write_only(number: int, fills: Any = fills) -> None:
                 fills[number % count](number % memory.ring.slots, view.wants)
 
-            def kernel(number: int, fills: Any = fills, write: Call = write_only) -> None:
-                record, launching.record = launching.record, lambda *_: 0
+            def kernel(number: int, write: Callable[[int], None] = write_only) -> None:
+                record, launching.record = launching.record, lambda *_: 0  # type: ignore[assignment]
                 try:
                     write(number)
                 finally:
@@ -174,67 +135,41 @@ def measure(width: int, height: int, rounds: int) -> list[dict[str, Any]]:
                 color, others = images[number % count]
                 bus.publish(view, color, **others)
 
+            for number in range(3 * QUEUED):  # compiles, and wakes the machine
+                publish(number)
             ours = {"gpu": kernel, "gpu_with_event": write_only, "wall": publish, "loop": publish}
             row: dict[str, Any] = {"layout": name, "width": width, "height": height}
             for way, timed in WAYS.items():
-                pairs = [(timed(ours[way]), timed(floors[way])) for _ in range(rounds)]
+                floor, work = in_turn(floors[way]), in_turn(ours[way])
+                (times,) = _shared.beside(floor, [work], rounds, timed)
                 row[way] = {
-                    "publish_us": round(statistics.median(a for a, _ in pairs), 2),
-                    "copy_us": round(statistics.median(b for _, b in pairs), 2),
-                    "ratio": round(statistics.median(a / b for a, b in pairs), 3),
+                    "publish_us": round(statistics.median(times.taken), 2),
+                    "copy_us": round(statistics.median(times.floor), 2),
+                    "ratio": round(times.ratio()[1], 3),
                 }
-            rows.append(row)
-            print(
-                f"{width}×{height} {name}: "
-                + ", ".join(
-                    f"{way} {row[way]['publish_us']} µs ×{row[way]['ratio']}" for way in WAYS
-                ),
-                flush=True,
-            )
+            rows.append(_shared.told(row))
     return rows
 
 
-def draw(rows: list[dict[str, Any]], gpu: str) -> None:
-    plt = pyplot()
-    layouts = list(dict.fromkeys(row["layout"] for row in rows))
-    figure, axes = plt.subplots(1, 3, figsize=(13, 4.6), sharey=True)
+def draw(rows: list[dict[str, Any]]) -> None:
+    layouts = dict.fromkeys(row["layout"] for row in rows)
     titles = {"gpu": "on the GPU", "wall": "call to done", "loop": "render loop, no wait"}
-    for axis, (way, title) in zip(axes, titles.items(), strict=True):
-        for at, layout in enumerate(layouts):
-            found = [row for row in rows if row["layout"] == layout]
-            heights = [row[way]["ratio"] for row in found]
-            places = [size + 0.13 * (at - 2.5) for size in range(len(found))]
-            axis.bar(places, heights, width=0.12, label=layout)
+    shown = []
+    for way, title in titles.items():
+        ratios = {
+            each: [row[way]["ratio"] for row in rows if row["layout"] == each] for each in layouts
+        }
         goal = GPU_GOAL if way == "gpu" else WALL_GOAL
-        axis.axhline(goal, color="black", linewidth=0.8, linestyle="--")
-        axis.axhline(1.0, color="black", linewidth=0.8)
-        axis.text(3.55, goal + 0.01, f"goal {goal}", ha="right", fontsize=8)
-        found = [row for row in rows if row["layout"] == layouts[0]]
-        labels = [
-            f"{size}\ncopy {row[way]['copy_us']:.0f} µs"
-            for size, row in zip(SIZES, found, strict=False)
-        ]
-        axis.set_xticks(range(len(found)), labels, fontsize=8)
-        axis.set_title(title, fontsize=10)
-    axes[0].set_ylabel("publish ÷ device copy of the image")
-    figure.legend(
-        *axes[0].get_legend_handles_labels(), fontsize=8, loc="lower center", ncols=len(layouts)
-    )
-    figure.suptitle(f"Publishing an image on an {gpu}", fontsize=11)
-    figure.tight_layout(rect=(0.0, 0.06, 1.0, 1.0))
-    save(figure, RESULTS / "cuda_publish.png")
+        shown.append(Bars(f"{title}, of a device copy", list(_cuda.SIZES), ratios, [goal]))
+    _shared.draw_bars("cuda_publish", shown)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=15)
-    options = parser.parse_args()
-    require_gpu("torch")
-    rows = [row for size in SIZES.values() for row in measure(*size, options.rounds)]
-    write("cuda_publish", {"goals": {"gpu": GPU_GOAL, "wall": WALL_GOAL}, "rows": rows})
-    from benchmarks._cuda import machine
-
-    draw(rows, machine()["gpu"])
+    options = _shared.options(__doc__, rounds=15)
+    _cuda.require_gpu("torch")
+    rows = [row for size in _cuda.SIZES.values() for row in measure(*size, options.rounds)]
+    _cuda.write("cuda_publish", {"goals": {"gpu": GPU_GOAL, "wall": WALL_GOAL}, "rows": rows})
+    draw(rows)
 
 
 if __name__ == "__main__":

@@ -17,17 +17,12 @@ it reads it.
 
 from __future__ import annotations
 
-import argparse
 import ctypes
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from typing import Any
 
-from benchmarks._cuda import RESULTS, ROOT, Buffer, Kernel, require_gpu, write
-from benchmarks._pictures import pyplot, save
+from benchmarks import _cuda, _shared
+from benchmarks._cuda import Buffer, Device, Kernel, api, call
 
 SOURCE = """
 __device__ unsigned hashed(unsigned n, unsigned p) {
@@ -63,9 +58,8 @@ extern "C" __global__ void check(const float4* color, const float* depth, unsign
 
 
 def serve(width: int, height: int, waits: bool) -> None:
-    """Publishes until its input ends; then prints how much and how fast."""
+    """Publishes until it is told to end."""
     import splatbus_server
-    from splatbus_server.cuda.driver import Device, api, call
 
     device = Device(0)
     with (
@@ -79,57 +73,16 @@ def serve(width: int, height: int, waits: bool) -> None:
         color, depth = Buffer((height, width, 4)), Buffer((height, width))
         pointers = ctypes.c_void_p(color.pointer), ctypes.c_void_p(depth.pointer)
         print(*bus.address[1:], flush=True)
-        ended = _end_of_input()
-        count, start = 0, 0.0
-        while not ended():
+        count = 0
+        while True:
             view = bus.next_view(0.1, contents_changed=True)
             if view is None:
                 continue
-            start = start or time.monotonic()
             count += 1
             paint(width * height, int(stream), *pointers, count, width, height)
             bus.publish(view, color, depth, time=float(count), stream=int(stream))
             if waits:
                 call(api.cuStreamSynchronize, stream)
-        call(api.cuStreamSynchronize, stream)
-        print(count, time.monotonic() - start, flush=True)
-
-
-def _end_of_input() -> Any:
-    import threading
-
-    event = threading.Event()
-
-    def wait() -> None:
-        sys.stdin.read()
-        event.set()
-
-    threading.Thread(target=wait, daemon=True).start()
-    return event.is_set
-
-
-def stall(ports: list[int]) -> None:
-    """Takes a frame and holds it."""
-    import splatbus_client
-
-    with (
-        splatbus_client.connect("127.0.0.1", *ports) as session,
-        session.next_frame(30) as frame,
-    ):
-        print(frame.seq, flush=True)
-        sys.stdin.read()
-
-
-@contextmanager
-def process(*arguments: object) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "benchmarks.cuda_torn", *map(str, arguments)]
-    with subprocess.Popen(
-        command, cwd=ROOT, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE
-    ) as child:
-        try:
-            yield child
-        finally:
-            child.kill()
 
 
 def read(
@@ -137,7 +90,6 @@ def read(
 ) -> dict[str, Any]:
     """Checks frames as they come, or once they were given back; what was found of them."""
     import splatbus_client
-    from splatbus_server.cuda.driver import Device, api, call
 
     device = Device(0)
     with device.current(), splatbus_client.connect("127.0.0.1", *ports) as session:
@@ -146,7 +98,7 @@ def read(
         wrong = Buffer((2,))
         on_host = (ctypes.c_uint * 2).from_address(int(call(api.cuMemAllocHost, 8)))
         count = torn = mismatched = 0
-        first = last = None
+        first = last = 0
         with session.next_frame(30):
             pass
         start = time.monotonic()
@@ -175,76 +127,46 @@ def read(
         "mismatched": mismatched,
         "seconds": round(lasted, 2),
         "reads_per_second": round(count / lasted, 1),
-        "published_meanwhile": (last or 0) - (first or 0),
-        "published_per_second": round(((last or 0) - (first or 0)) / lasted, 1),
+        "published_per_second": round((last - first) / lasted, 1),
     }
 
 
 def measure(
-    waits: bool, reads: int, seconds: float, width: int, height: int, too_late: bool = False
+    waits: bool, reads: int, seconds: float, size: tuple[int, int], too_late: bool = False
 ) -> dict[str, Any]:
-    with ExitStack() as stack:
-        size = f"{width}x{height}"
-        way = "host" if waits else "events"
-        server = stack.enter_context(process("--serve", way, "--size", size))
-        assert server.stdout
-        ports = [int(port) for port in server.stdout.readline().split()]
-        stalled = stack.enter_context(process("--stall", *ports))
-        assert stalled.stdout
-        held = int(stalled.stdout.readline())
-        found = read(ports, reads, seconds, width, height, too_late)
-    row = {"ordered_by": way, "size": size, "read_after_release": too_late}
-    return row | found | {"stalled_reader_holds": held}
+    with _shared.calling("cuda_torn", "serve", *size, waits) as server:
+        ports = [int(port) for port in _shared.heard(server).split()]
+        with _shared.calling("cuda_torn", "stall", ports) as stalled:
+            held = int(_shared.heard(stalled))
+            found = read(ports, reads, seconds, *size, too_late)
+    row = {
+        "ordered_by": "host" if waits else "events",
+        "size": "{}x{}".format(*size),
+        "read_after_release": too_late,
+    }
+    return _shared.told(row | found | {"stalled_reader_holds": held})
 
 
-def draw(rows: list[dict[str, Any]]) -> None:
-    plt = pyplot()
-    figure, axis = plt.subplots(figsize=(9.5, 3.8))
-    for offset, name in enumerate(("published_per_second", "reads_per_second")):
-        places = [row + 0.4 * (offset - 0.5) for row in range(len(rows))]
-        bars = axis.bar(places, [r[name] for r in rows], width=0.38, label=name.replace("_", " "))
-        axis.bar_label(bars, fmt="%.0f", fontsize=8)
-    labels = [
-        f"{r['size']}, ordered by {r['ordered_by']}"
-        f"{', READ TOO LATE' if r['read_after_release'] else ''}\n"
-        f"{r['reads']:,} reads checked: {r['torn']} torn, {r['mismatched']} mismatched"
-        for r in rows
-    ]
-    axis.set_xticks(range(len(rows)), labels, fontsize=8)
-    axis.set_ylabel("frames a second")
-    axis.set_yscale("log")
-    axis.set_ylim(bottom=100, top=max(r["published_per_second"] for r in rows) * 4)
-    axis.legend(fontsize=8, loc="upper right")
-    axis.set_title(
-        "A server without a pause, a reader that checks, a reader that stalls", fontsize=10
-    )
-    figure.tight_layout()
-    save(figure, RESULTS / "cuda_torn.png")
+def stall(ports: list[int]) -> None:
+    """Takes a frame and holds it until it is told to end."""
+    import splatbus_client
+
+    with (
+        splatbus_client.connect("127.0.0.1", *ports) as session,
+        session.next_frame(30) as frame,
+    ):
+        print(frame.seq, flush=True)
+        while True:
+            time.sleep(1.0)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--reads", type=int, default=100_000)
-    parser.add_argument("--seconds", type=float, default=200.0)
-    parser.add_argument("--size", default="1920x1080")
-    parser.add_argument("--serve", choices=("host", "events"), help=argparse.SUPPRESS)
-    parser.add_argument("--stall", type=int, nargs=2, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    width, height = map(int, options.size.split("x"))
-    if options.serve:
-        serve(width, height, options.serve == "host")
-        return
-    if options.stall:
-        stall(options.stall)
-        return
-    require_gpu()
-    rows = [measure(True, 2000, options.seconds, width, height, too_late=True)]
-    print(rows[-1], flush=True)
+    options = _shared.options(__doc__, reads=100_000, seconds=200.0, size="1920x1080")
+    _cuda.require_gpu()
+    rows = [measure(True, 2000, options.seconds, options.size, too_late=True)]
     for waits in (True, False):
-        rows.append(measure(waits, options.reads, options.seconds, width, height))
-        print(rows[-1], flush=True)
-        write("cuda_torn", {"rows": rows})
-    draw(rows)
+        rows.append(measure(waits, options.reads, options.seconds, options.size))
+        _cuda.write("cuda_torn", {"rows": rows})
 
 
 if __name__ == "__main__":

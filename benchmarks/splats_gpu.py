@@ -15,22 +15,20 @@ published.
 
 from __future__ import annotations
 
-import argparse
 import math
 import statistics
-import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
-from benchmarks._cuda import require_gpu, write
-from benchmarks.cuda_publish import watched
+from benchmarks import _cuda, _shared
+from benchmarks._shared import Work
 
 COUNTS = (100_000, 1_000_000)
 SIZES = ((640, 480), (1920, 1080))
 IMAGES = 60
 """Of a round; in one the camera turns by 30 degrees."""
-Call = Callable[[Any], Any]
 
 
 def turned(view: Any) -> list[Any]:
@@ -42,10 +40,10 @@ def turned(view: Any) -> list[Any]:
     return [replace(view, poses=view.poses._replace(camera=each)) for each in cameras]
 
 
-def alone(scene: Any) -> Call:
+def alone(scene: Any) -> Callable[[Any], Any]:
     """One call of gsplat for a view, with what it takes ready on the GPU."""
-    import gsplat
-    import torch
+    import gsplat  # type: ignore[import-not-found,unused-ignore]
+    import torch  # type: ignore[import-not-found,unused-ignore]
 
     quats = scene.rotations[:, [3, 0, 1, 2]]
     arrays = (scene.means, quats, scene.scales, scene.opacities, scene.coefficients)
@@ -71,79 +69,55 @@ def alone(scene: Any) -> Call:
     return draw
 
 
-def each_ms(work: Call, views: list[Any]) -> float:
-    """Milliseconds of one image, the GPU waited for after each."""
-    import torch
-
-    times = []
-    for view in views:
-        torch.cuda.synchronize()
-        start = time.perf_counter()
-        work(view)
-        torch.cuda.synchronize()
-        times.append((time.perf_counter() - start) * 1e3)
-    return statistics.median(times)
-
-
-def images_per_s(work: Call, views: list[Any]) -> float:
-    import torch
-
-    torch.cuda.synchronize()
-    start = time.perf_counter()
-    for view in views:
-        work(view)
-    torch.cuda.synchronize()
-    return len(views) / (time.perf_counter() - start)
-
-
 def measure(count: int, width: int, height: int, rounds: int) -> dict[str, Any]:
-    import splatbus_server
     from splatbus_splats.drawing import gpu
     from splatbus_splats.made import made
     from splatbus_splats.serving import SEMANTICS
 
     scene = made(count)
     draw, floor = gpu.Renderer(), alone(scene)
-    options = {"memory": "cuda_ipc", "ipc_port": 0, "message_port": 0, "readers": 1}
-    with (
-        splatbus_server.serve(width, height, semantics=SEMANTICS, **options) as bus,
-        watched(bus.address.ipc_port),
-    ):
-        view = bus.next_view(10.0)
-        assert view is not None
-        while "legacy" in view.wants:  # as long as the client has not said hello
-            view = bus.next_view(0.1, contents_changed=True) or view
+    with _shared.seen(width, height, "cuda_ipc", semantics=SEMANTICS) as (bus, view):
         views = turned(view)
 
         def ours(view: Any) -> None:
             image = draw(view, {"default": scene})
             bus.publish(view, image.color, image.inverse, alpha=image.alpha, depth_kind="inverse")
 
-        for work in (ours, floor):
-            each_ms(work, views)  # compiles, and brings all to the GPU
-        single = [(each_ms(ours, views), each_ms(floor, views)) for _ in range(rounds)]
-        many = [(images_per_s(ours, views), images_per_s(floor, views)) for _ in range(rounds)]
-    row = {
-        "gaussians": count,
-        "width": width,
-        "height": height,
-        "ms": round(statistics.median(a for a, _ in single), 3),
-        "floor_ms": round(statistics.median(b for _, b in single), 3),
-        "ratio": round(statistics.median(a / b for a, b in single), 3),
-        "images_per_s": round(statistics.median(a for a, _ in many), 1),
-        "floor_images_per_s": round(statistics.median(b for _, b in many), 1),
-    }
-    print(row, flush=True)
-    return row
+        def over(draws: Callable[[Any], Any]) -> Work:
+            """All views, told by `each` one after the other."""
+
+            def work(each: Callable[[Work], object] = lambda draw: draw()) -> list[object]:
+                return [each(partial(draws, view)) for view in views]
+
+            return work
+
+        def each_ms(work: Any) -> float:
+            """Of one image, the GPU waited for after each."""
+            return float(statistics.median(work(_cuda.synchronised)))
+
+        works = over(floor), [over(ours)]
+        (single,) = _shared.beside(*works, rounds, each_ms)
+        (many,) = _shared.beside(*works, rounds, _cuda.synchronised)
+    per_s = [IMAGES * 1e3 / statistics.median(each) for each in many]
+    return _shared.told(
+        {
+            "gaussians": count,
+            "width": width,
+            "height": height,
+            "ms": round(statistics.median(single.taken), 3),
+            "floor_ms": round(statistics.median(single.floor), 3),
+            "ratio": round(single.ratio()[1], 3),
+            "images_per_s": round(per_s[0], 1),
+            "floor_images_per_s": round(per_s[1], 1),
+        }
+    )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=7)
-    options = parser.parse_args()
-    require_gpu("torch", "gsplat")
+    options = _shared.options(__doc__, rounds=7)
+    _cuda.require_gpu("torch", "gsplat")
     rows = [measure(count, *size, options.rounds) for count in COUNTS for size in SIZES]
-    write("splats_gpu", {"rows": rows})
+    _cuda.write("splats_gpu", {"rows": rows})
 
 
 if __name__ == "__main__":

@@ -11,23 +11,16 @@ rounds. `pose`: from a pose that is sent until its image is on the screen.
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
 import mmap
-import platform
 import shutil
 import statistics
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import moderngl
 import numpy as np
-from splatbus_viewer.latency import percentiles
 from splatbus_viewer.view import orbit
 from splatbus_viewer.window.cameras import Eye
 from splatbus_viewer.window.drawing.ground import shader
@@ -35,11 +28,10 @@ from splatbus_viewer.window.drawing.uploading import texture
 from splatbus_wire.poses import IDENTITY
 from splatbus_wire.settings import Settings
 
+from benchmarks import _shared
 from benchmarks.cuda_gl import serving
 from tests.window.stage import Staged, display, opened
 
-ROOT = Path(__file__).resolve().parents[1]
-RESULTS = ROOT / "benchmarks" / "results"
 GOAL = 1.2
 """Times the floor."""
 IMAGES = 20
@@ -65,43 +57,35 @@ def host(size: tuple[int, int], when: str) -> Iterator[Settings]:
         yield Settings("127.0.0.1", *ports, None)
 
 
-class Bare:
+def bare(staged: Staged, names: tuple[str, ...]) -> _shared.Work:
     """A loop that uploads and draws, and does nothing else."""
+    screen, context = staged.screen, staged.screen.context
+    width, height = staged.window.picture.size
+    draw, parts = np.random.default_rng(0), []
+    for name in names:
+        shape = height, width, 4 if name == "color" else 1
+        shared = mmap.mmap(-1, 4 * math.prod(shape))  # images lie in shared memory, too
+        image = np.frombuffer(shared, np.float32).reshape(shape)
+        image[:] = draw.random(shape, np.float32)
+        buffer = context.buffer(reserve=image.nbytes, dynamic=True)
+        parts.append((texture(context, width, height, name), buffer, image))
+    program = context.program(shader("picture.vert"), QUAD)
+    quad = context.vertex_array(program, [])
 
-    def __init__(self, staged: Staged, size: tuple[int, int], names: tuple[str, ...]) -> None:
-        self.screen, self.context = staged.screen, staged.screen.context
-        width, height = size
-        draw = np.random.default_rng(0)
-        self.parts = []
-        for name in names:
-            shape = height, width, 4 if name == "color" else 1
-            shared = mmap.mmap(-1, 4 * math.prod(shape))  # images lie in shared memory, too
-            image = np.frombuffer(shared, np.float32).reshape(shape)
-            image[:] = draw.random(shape, np.float32)
-            buffer = self.context.buffer(reserve=image.nbytes, dynamic=True)
-            self.parts.append((texture(self.context, width, height, name), buffer, image))
-        program = self.context.program(shader("picture.vert"), QUAD)
-        self.quad = self.context.vertex_array(program, [])
+    def work() -> None:
+        for _ in range(IMAGES):
+            for made, buffer, image in parts:
+                buffer.orphan()
+                buffer.write(image)
+                made.write(buffer)
+            parts[0][0].use(0)
+            context.screen.use()
+            context.viewport = 0, 0, width, height
+            quad.render(moderngl.TRIANGLES, vertices=3)
+            screen.show()
+            context.finish()
 
-    def __call__(self) -> None:
-        """One image."""
-        for made, buffer, image in self.parts:
-            buffer.orphan()
-            buffer.write(image)
-            made.write(buffer)
-        self.parts[0][0].use(0)
-        self.context.screen.use()
-        self.context.viewport = 0, 0, *self.parts[0][0].size
-        self.quad.render(moderngl.TRIANGLES, vertices=3)
-        self.screen.show()
-        self.context.finish()
-
-
-def processor(does: Callable[[], object]) -> float:
-    """Milliseconds of all threads."""
-    began = time.process_time()
-    does()
-    return 1e3 * (time.process_time() - began) / IMAGES
+    return work
 
 
 def costs(size: tuple[int, int], rounds: int) -> list[dict[str, Any]]:
@@ -112,25 +96,15 @@ def costs(size: tuple[int, int], rounds: int) -> list[dict[str, Any]]:
         with host(size, "always") as where, opened(where, size, **chosen) as staged:
             images = staged.window.conversation.images
             staged.rests()
-            bare = Bare(staged, staged.window.picture.size, names)
 
             def window(staged: Staged = staged, images: Any = images) -> None:
                 wanted = images.count + IMAGES
                 staged.until(lambda: images.count >= wanted)
 
-            def floor(bare: Bare = bare) -> None:
-                for _ in range(IMAGES):
-                    bare()
-
-            took: dict[str, list[float]] = {"window": [], "bare": []}
-            for number in range(rounds + 1):
-                found = {"window": processor(window), "bare": processor(floor)}
-                if number:
-                    for name, ms in found.items():
-                        took[name].append(ms)
-            medians = {name: statistics.median(ms) for name, ms in took.items()}
-            rows.append({"shown": kind, **medians, "part": medians["window"] / medians["bare"]})
-            print(rows[-1], flush=True)
+            (times,) = _shared.beside(bare(staged, names), [window], rounds)
+            taken, least = (statistics.median(each) / IMAGES for each in times)
+            row = {"shown": kind, "window": taken, "bare": least, "part": times.ratio()[1]}
+            rows.append(_shared.told(row))
     return rows
 
 
@@ -145,28 +119,19 @@ def poses(size: tuple[int, int]) -> dict[str, float]:
             window.turn()
             staged.until(lambda: talk.is_answered)
         _, waits = talk.images.latency.points(0.0)
-    middle, late = percentiles(waits.tolist())
-    return {"p50": middle, "p99": late, "images": len(waits)}
+    return _shared.percentiles(waits.tolist())
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks window")
-    parser.add_argument("--rounds", type=int, default=7)
-    parser.add_argument("--size", default="1920x1080")
-    given = parser.parse_args()
+    given = _shared.options(__doc__, rounds=7, size="1920x1080")
     if not shutil.which("Xvfb"):
         print("not run: Xvfb is not installed (Debian: xvfb libgl1-mesa-dri)")
         return
-    width, height = map(int, given.size.split("x"))
     with display():
-        rows = costs((width, height), given.rounds)
-        waits = poses((width, height))
+        rows = costs(given.size, given.rounds)
+        waits = poses(given.size)
     print(waits)
-    command = " ".join(["python -m benchmarks window", *sys.argv[1:]])
-    system = f"{platform.system()} {platform.machine()}"
-    report = {"command": command, "python": platform.python_version(), "system": system}
-    report |= {"goal": GOAL, "rows": rows, "pose to picture, ms": waits}
-    (RESULTS / "window.json").write_text(json.dumps(report, indent=1) + "\n", "utf-8")
+    _shared.write("window", {"goal": GOAL, "rows": rows, "pose to picture": waits})
 
 
 if __name__ == "__main__":

@@ -10,70 +10,54 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
-import platform
-from dataclasses import asdict
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
+from benchmarks import _shared
+from benchmarks.accuracy import page, picture
+from benchmarks.accuracy.study import Study
 
-from benchmarks.accuracy import page, picture, stored
-from benchmarks.accuracy.study import Part, Study
-from benchmarks.accuracy.timing import times
-
-STEPS = ("rotation", "view", "chain", "depth", "compositing", "printing", "parsing", "scene")
+STEPS = ("rotation", "view", "chain", "depth", "compositing", "printing", "parsing")
 
 
-def measured(part: Part, rounds: int, known: list[Any]) -> dict[str, Any]:
+def measured(study: Study, effort: float, known: Sequence[Any]) -> dict[str, Any]:
     """Times first, then errors: the search leaves a machine that is warm and a cache that is not.
 
     Args:
-        part: of a study.
-        rounds: of timing.
+        study: of a step.
+        effort: of its rounds of timing.
         known: the worst inputs that were found before, for whichever variant.
     """
-    works = [part.run(variant.compute) for variant in part.variants]
-    timings = times(part.floor, works, part.items, rounds)
+    works = [study.run(variant.compute) for variant in study.variants]
+    rounds = max(3, round(study.rounds * effort))
     variants = []
-    for variant, timing in zip(part.variants, timings, strict=True):
-        found = part.worst(variant, known)
-        variants.append(
-            {
-                "name": variant.name,
-                "role": variant.role,
-                "unlike": variant.unlike,
-                "ratio": [round(r, 4) for r in timing[:3]],
-                "ns": round(timing.best_ns, 3),
-                "errors": [{"worst": worst.error, "input": worst.input} for worst in found],
-            }
-        )
-        errors = ", ".join(f"{worst.error:.3g}" for worst in found)
-        print(f"  {variant.name}: {timing.median:.3g} × floor, error {errors}", flush=True)
-    return {
-        "title": part.title,
-        "item": part.item,
-        "floor": part.floor_title,
-        "measures": [asdict(measure) for measure in part.measures],
+    for variant, times in zip(
+        study.variants, _shared.beside(study.floor, works, rounds), strict=True
+    ):
+        about: dict[str, Any] = {
+            "name": variant.name,
+            "role": variant.role,
+            "unlike": variant.unlike,
+        }
+        about["ratio"] = [round(each, 4) for each in times.ratio()]
+        about["ns"] = round(min(times.taken) / study.items * 1e6, 3)
+        found = study.worst(variant.compute, known)
+        about["errors"] = [{"worst": worst.error, "input": worst.input} for worst in found]
+        variants.append(_shared.told(about))
+    part = {
+        "title": "",
+        "item": study.item,
+        "floor": study.floor_title,
+        "measures": [measure._asdict() for measure in study.measures],
         "variants": variants,
     }
+    return {"title": study.title, "parts": [part]}
 
 
-def report(name: str, study: Study, effort: float) -> dict[str, Any]:
-    known = stored.worst_inputs(name)
-    rounds = max(3, round(study.rounds * effort))
-    parts = []
-    for index, part in enumerate(study.parts):
-        print(f"{study.title} {part.title}", flush=True)
-        parts.append(measured(part, rounds, known[index] if index < len(known) else []))
-    return {
-        "command": f"python -m benchmarks accuracy {name} --effort {effort:g}",
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "system": f"{platform.system()} {platform.machine()}",
-        "cpu_count": os.cpu_count(),
-        "title": study.title,
-        "parts": parts,
-    }
+def inputs(part: dict[str, Any]) -> list[Any]:
+    """The worst inputs that are stored, for whichever variant."""
+    errors = [error for variant in part["variants"] for error in variant["errors"]]
+    return [error["input"] for error in errors if error["input"] is not None]
 
 
 def main() -> None:
@@ -85,9 +69,11 @@ def main() -> None:
     for name in options.steps or STEPS:
         if not options.draw:
             study = importlib.import_module(f"benchmarks.accuracy.{name}").study()
-            stored.write(name, report(name, study, options.effort))
-        picture.draw(stored.read(name), stored.RESULTS / f"{name}.png")
-    page.update({name: stored.read(name) for name in STEPS if stored.exists(name)})
+            known = inputs(page.stored(name)["parts"][0])
+            report = measured(study, options.effort, known)
+            _shared.write("accuracy", report, f"accuracy/{name}")
+        picture.draw(page.stored(name), f"accuracy/{name}")
+    page.PAGE.write_text(page.filled(page.PAGE.read_text("utf-8")), "utf-8")
 
 
 if __name__ == "__main__":

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,17 +21,6 @@ def blocks(height: int, row_bytes: int) -> Iterator[slice]:
         yield slice(start, start + rows)
 
 
-def in_blocks(compute: Callable[..., Any], row_bytes: int) -> Callable[..., Any]:
-    """The same step, a block of rows at a time; the last argument is what it writes to."""
-
-    def work(*arrays: Floats) -> Floats:
-        for rows in blocks(len(arrays[0]), row_bytes):
-            compute(*(array[rows] for array in arrays))
-        return arrays[-1]
-
-    return work
-
-
 def disc() -> NDArray[np.bool_]:
     """What a scene covers: masks of real images hang together, and branches foresee them."""
     y, x = np.mgrid[-1 : 1 : HEIGHT * 1j, -1 : 1 : WIDTH * 1j]
@@ -48,6 +36,7 @@ def ulps(got: Floats, exact: Doubles) -> Doubles:
     return np.where(np.isnan(error), np.inf, error)
 
 
-def column(name: str, numbers: Floats) -> dict[str, float]:
-    """One input of float32 numbers, as JSON; `name` lists what they are."""
-    return {each: float(a) for each, a in zip(name.split(), numbers, strict=True)}
+def column(name: str, numbers: Floats) -> dict[str, float | str]:
+    """One input of float32 numbers, as JSON without infinities; `name` lists what they are."""
+    found = zip(name.split(), numbers, strict=True)
+    return {each: float(a) if np.isfinite(a) else str(a) for each, a in found}

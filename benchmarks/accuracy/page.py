@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 from typing import Any
 
-from benchmarks.accuracy.picture import on_front
+from benchmarks import _shared
+from benchmarks.accuracy.front import on_front
 
 PAGE = Path(__file__).parents[1] / "ACCURACY.md"
 MARKED = re.compile(r"(<!-- figures: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
-def update(reports: dict[str, Any]) -> None:
-    """Writes the tables of the page anew; what has no report stays as it is."""
-    PAGE.write_text(filled(PAGE.read_text("utf-8"), reports), "utf-8")
+def stored(name: str) -> Any:
+    """What was measured of a step."""
+    return json.loads((_shared.RESULTS / "accuracy" / f"{name}.json").read_text("utf-8"))
 
 
-def filled(text: str, reports: dict[str, Any]) -> str:
+def filled(text: str) -> str:
     """The page with its tables."""
 
     def table(found: re.Match[str]) -> str:
-        name = found[2]
-        if name not in reports:
-            return found[0]
-        parts = "\n".join(table_of(part) for part in reports[name]["parts"])
+        parts = "\n".join(table_of(part) for part in stored(found[2])["parts"])
         return f"{found[1]}{parts}\n{found[3]}"
 
     return MARKED.sub(table, text)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import math
 import random
-import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
@@ -15,14 +14,12 @@ from typing import Any
 import numpy as np
 from splatbus_conformance.oracle import to_double, ulps
 from splatbus_conformance.oracle.rounding import DOUBLE
-from splatbus_wire import plain_poses
 from splatbus_wire.fields import Field, object_pose
 from splatbus_wire.json_text import parse_object
 from splatbus_wire.messages import CameraPose, decode_from_client
 
 from benchmarks.accuracy import search
-from benchmarks.accuracy.study import Measure, Part, Study, Variant, Worst
-from benchmarks.accuracy.timing import each
+from benchmarks.accuracy.study import Compute, Measure, Study, Variant, Worst, each
 
 TIMED, SEARCHED = 1000, 3000
 HARD = (
@@ -36,7 +33,6 @@ HARD = (
     b"1e-5",
     b"123456789012345678901234567890e-20",
 )
-NUMBER = re.compile(rb"(-?)([0-9]+)(?:\.([0-9]+))?(?:[eE]([+-]?[0-9]+))?")
 
 
 def default(payload: bytes) -> list[float]:
@@ -51,18 +47,8 @@ def careful(payload: bytes) -> list[float]:
     return [*pose.position, *pose.rotation]
 
 
-def by_expression(convert: Callable[[bytes], Any], payload: bytes) -> list[float]:
-    """The default's expression and checks, with another conversion of digits."""
-    found = plain_poses._POSE.fullmatch(payload)
-    assert found is not None
-    numbers = [convert(text) for text in found.groups()[2:9]]
-    if not all(map(math.isfinite, numbers)) or abs(math.hypot(*numbers[3:]) - 1.0) > 0.01:
-        raise ValueError("no pose")
-    return numbers
-
-
-def by_json(number: Callable[[str], Any], payload: bytes) -> list[float]:
-    message = json.loads(payload, parse_float=number)
+def by_json(payload: bytes) -> list[float]:
+    message = json.loads(payload)
     position, rotation = message["position"], message["rotation"]
     return [float(position[a]) for a in "xyz"] + [float(rotation[a]) for a in "xyzw"]
 
@@ -75,31 +61,10 @@ def deployed(payload: bytes) -> list[float]:
     return [*map(float, t), *map(float, message["rotation"].values())]
 
 
-def by_digits(text: bytes) -> float:
-    """Digits as one number times a power of ten, as parsers in a hurry do."""
-    found = NUMBER.fullmatch(text)
-    assert found is not None
-    sign, whole, fraction, exponent = found.groups()
-    fraction = fraction or b""
-    value = 0.0
-    for digit in whole + fraction:
-        value = value * 10.0 + (digit - 48)
-    value *= 10.0 ** (int(exponent or 0) - len(fraction))
-    return -value if sign else value
-
-
 VARIANTS = (
     Variant("default: one expression, float()", default, "default"),
     Variant("strict JSON, member by member", careful),
-    Variant("expression, numpy.float32", partial(by_expression, np.float32)),
-    Variant("expression, digit by digit", partial(by_expression, by_digits)),
-    Variant(
-        "expression, rational numbers",
-        partial(by_expression, lambda t: float(Fraction(t.decode()))),
-    ),
-    Variant("expression, decimal", partial(by_expression, lambda t: float(Decimal(t.decode())))),
-    Variant("json.loads", partial(by_json, float), unlike="checks nothing"),
-    Variant("json.loads, numpy.float32", partial(by_json, np.float32), unlike="checks nothing"),
+    Variant("json.loads", by_json, unlike="checks nothing"),
     Variant("deployed: json.loads, positions to float32", deployed, "deployed", "checks nothing"),
 )
 
@@ -121,17 +86,17 @@ def texts(source: random.Random) -> list[bytes]:
     return [text.encode() for text in (*forms, digits)]
 
 
-def worst(variant: Variant, known: Sequence[Any]) -> list[Worst]:
+def worst(compute: Compute, known: Sequence[Any]) -> list[Worst]:
     source = random.Random(search.SEED)
     every = [text for _ in range(SEARCHED // 6) for text in texts(source)]
     every += [*HARD, *(text.encode() for text in known)]
 
     def error(text: bytes) -> float:
-        payload = payload_of((text.decode(), "0", "0", "0", "0", "0", "1"))
         exact = Fraction(text.decode())
         if not to_double(abs(exact)) <= 3e38:
             return 0.0
-        return ulps(float(variant.compute(payload)[0]), exact, DOUBLE)
+        payload = payload_of((text.decode(), "0", "0", "0", "0", "0", "1"))
+        return ulps(float(compute(payload)[0]), exact, DOUBLE)
 
     found = max((error(text), text) for text in every)
     return [Worst(found[0], found[1].decode())]
@@ -142,14 +107,14 @@ def study() -> Study:
     poses = [(*search.positions(source, 0, 2), *search.quaternions(source)) for _ in range(TIMED)]
     items = [payload_of([repr(a) for a in pose]) for pose in poses]
     printed = [[repr(a).encode() for a in pose] for pose in poses]
-    part = Part(
+    return Study(
+        title="Payload of a pose to seven numbers",
         item="pose",
         items=TIMED,
         floor_title="float() of seven texts that are cut out already",
-        floor=each(lambda seven: [float(text) for text in seven], printed),
-        run=lambda compute: each(compute, items),
-        worst=worst,
+        floor=each(printed, lambda seven: [float(text) for text in seven]),
+        run=partial(each, items),
         variants=VARIANTS,
         measures=(Measure("A number, against its exact value", "ULP of float64", 0.5, "ACC-14"),),
+        worst=worst,
     )
-    return Study("Payload of a pose to seven numbers", [part])

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.accuracy.study import Worst
+from benchmarks.accuracy.study import Compute, Worst
 
 Numbers = tuple[float, ...]
 Columns = NDArray[np.float32]
@@ -34,34 +35,44 @@ HALF_TURNS = (
 KEPT, AROUND, GENERATIONS = 64, 256, 40
 
 
+def climbing(
+    errors: Sequence[Callable[[Compute, Numbers], float]],
+    draw: Callable[[random.Random], Numbers],
+    repair: Callable[[Numbers], Numbers],
+) -> Callable[[Compute, Sequence[Any]], list[Worst]]:
+    """The search for the worst input of a variant by each of some errors.
+
+    Args:
+        errors: of a variant's function at an input.
+        draw: an input.
+        repair: makes a changed input a valid one.
+    """
+
+    def worst(compute: Compute, known: Sequence[Any]) -> list[Worst]:
+        source = random.Random(SEED)
+        pool = [draw(source) for _ in range(DRAWN)] + [*map(tuple, known)]
+        return [climb(partial(error, compute), pool, repair) for error in errors]
+
+    return worst
+
+
 def climb(
     error: Callable[[Numbers], float],
     pool: Sequence[Numbers],
     repair: Callable[[Numbers], Numbers],
-    restated: Callable[[Numbers], float] | None = None,
-    effort: float = 1.0,
 ) -> Worst:
-    """The worst input found: of the pool, or by changing its worst a little, again and again.
-
-    Args:
-        error: at an input.
-        pool: inputs to begin with.
-        repair: makes a changed input a valid one.
-        restated: the error by the oracle, for the input that is found.
-        effort: the share of the pool and of the steps to try.
-    """
+    """The worst input found: of the pool, or by changing its worst a little, again and again."""
     source = random.Random(SEED)
-    some = pool[-round(effort * len(pool)) :]
-    ranked = sorted(((error(x), x) for x in some), reverse=True)[:STARTS]
+    ranked = sorted(((error(x), x) for x in pool), reverse=True)[:STARTS]
     best = ranked[0]
     for here in ranked:
-        for _ in range(round(effort * STEPS)):
+        for _ in range(STEPS):
             candidate = repair(_changed(source, here[1]))
             there = error(candidate)
             if there >= here[0]:
                 here = there, candidate
         best = max(best, here)
-    return Worst((restated or error)(best[1]), list(best[1]))
+    return Worst(best[0], list(best[1]))
 
 
 def _changed(source: random.Random, x: Numbers) -> Numbers:

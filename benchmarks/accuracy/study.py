@@ -1,12 +1,15 @@
-"""What a study consists of."""
+"""What a study of one numeric step consists of."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from benchmarks._shared import Work
+
 Role = Literal["default", "deployed", ""]
+Compute = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -15,25 +18,18 @@ class Variant:
 
     Attributes:
         name: as it stands in pictures and tables.
-        compute: what is timed; its arguments and results are the part's affair.
+        compute: what is timed; its arguments and results are the step's affair.
         role: "default" is what the code does by itself, "deployed" what the deployed program does.
         unlike: why it does not do the same job, so that it cannot push others off the front.
-        slow: it takes so long that the search tries a hundredth of the inputs.
     """
 
     name: str
-    compute: Callable[..., Any]
+    compute: Compute
     role: Role = ""
     unlike: str = ""
-    slow: bool = False
-
-    @property
-    def effort(self) -> float:
-        return 0.01 if self.slow else 1.0
 
 
-@dataclass(frozen=True)
-class Measure:
+class Measure(NamedTuple):
     """One kind of error.
 
     Attributes:
@@ -57,42 +53,39 @@ class Worst(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Part:
+class Study:
     """Variants that compute the same thing from the same items.
 
     Attributes:
-        title: what distinguishes this part within its study; "" where there is one.
+        title: above its picture.
         item: what a time is given for, as "pose".
         items: how many of them one run computes.
         floor_title: what the floor does.
         floor: does it, for all items.
         run: a variant's function to a call that computes all items.
-        worst: a variant, and bad inputs that are known, to the worst by measure.
         variants: in the order of tables.
         measures: a panel for each.
-    """
-
-    item: str
-    items: int
-    floor_title: str
-    floor: Callable[[], object]
-    run: Callable[[Callable[..., Any]], Callable[[], object]]
-    worst: Callable[[Variant, Sequence[Any]], list[Worst]]
-    variants: tuple[Variant, ...]
-    measures: tuple[Measure, ...]
-    title: str = ""
-
-
-@dataclass(frozen=True)
-class Study:
-    """One numeric step.
-
-    Attributes:
-        title: above its picture.
-        parts: each timed by itself.
+        worst: a variant's function, and bad inputs that are known, to the worst by measure.
         rounds: in each of which every variant runs once.
     """
 
     title: str
-    parts: list[Part] = field(default_factory=list)
+    item: str
+    items: int
+    floor_title: str
+    floor: Work
+    run: Callable[[Compute], Work]
+    variants: tuple[Variant, ...]
+    measures: tuple[Measure, ...]
+    worst: Callable[[Compute, Sequence[Any]], list[Worst]]
     rounds: int = 40
+
+
+def each(items: Sequence[Any], function: Compute) -> Work:
+    """A call that computes all items, one after the other, and drops the results."""
+
+    def work() -> None:
+        for item in items:
+            function(item)
+
+    return work

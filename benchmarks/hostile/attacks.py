@@ -1,20 +1,16 @@
-"""What three clients at once do to a server, each in a process of its own, as fast as they can.
-
-python -m benchmarks.hostile.attacks NAME PORT_OF_IPC PORT_OF_MESSAGES TOKEN SECONDS
-"""
+"""What three clients at once do to a server, each in a process of its own, as fast as they can."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import random
 import socket
 import struct
-import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+
+from benchmarks._shared import hello, packet
 
 LONGEST = 1 << 20
 VALUES = 4096
@@ -31,10 +27,10 @@ class Target:
         until: seconds of the monotonic clock.
     """
 
-    def __init__(self, ipc: str, message: str, token: str, seconds: str) -> None:
-        self.ports = {"ipc": int(ipc), "msg": int(message)}
+    def __init__(self, ipc: int, message: int, token: str, seconds: float) -> None:
+        self.ports = {"ipc": ipc, "msg": message}
         self.token = token
-        self.until = time.monotonic() + float(seconds)
+        self.until = time.monotonic() + seconds
 
     def goes_on(self) -> bool:
         """Whether there is time left; waits a moment, for nobody can attack faster than it runs."""
@@ -50,14 +46,7 @@ class Target:
 
     def hello(self, *capabilities: str) -> bytes:
         """As a client of 1.1 says it."""
-        told: dict[str, Any] = {"type": "hello", "versions": ["1.1"]}
-        told |= {"client": {"name": "x", "version": "1"}, "capabilities": capabilities}
-        return packet(told | ({"token": self.token} if self.token else {}))
-
-
-def packet(message: Any) -> bytes:
-    payload = message if isinstance(message, bytes) else json.dumps(message).encode()
-    return len(payload).to_bytes(4, "little") + payload
+        return hello(*capabilities, token=self.token)
 
 
 def filled(unit: bytes, begin: bytes = b'{"u":[', end: bytes = b"0]}") -> bytes:
@@ -130,8 +119,7 @@ def says_anything(target: Target) -> None:
 
 def guesses(target: Target) -> None:
     with target.connected() as connection:
-        wrong = {"type": "hello", "versions": ["1.1"], "capabilities": [], "token": "guessed"}
-        connection.sendall(packet(wrong | {"client": {"name": "x", "version": "1"}}))
+        connection.sendall(hello(token="guessed"))
         connection.recv(4096)
 
 
@@ -190,14 +178,9 @@ ATTACKS: dict[str, tuple[str, Attack]] = {
 }
 
 
-def main() -> None:
-    name, *rest = sys.argv[1:]
+def main(name: str, ipc: int, message: int, token: str, seconds: float) -> None:
     os.nice(10)  # what is measured is the server, not who of all processes gets a core
-    target = Target(*rest)
+    target = Target(ipc, message, token, seconds)
     while target.goes_on():
         with contextlib.suppress(OSError):
             ATTACKS[name][1](target)
-
-
-if __name__ == "__main__":
-    main()

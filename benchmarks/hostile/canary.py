@@ -1,7 +1,5 @@
 """A well-behaved client: forty poses a second, each seen in an image, and a ping beside each.
 
-    python -m benchmarks.hostile.canary PORT_OF_IPC PORT_OF_MESSAGES TOKEN
-
 For each line of seconds that comes, behaves for so long; prints poses, images that showed them in
 time, and round trips (milliseconds), as JSON.
 """
@@ -16,7 +14,9 @@ import sys
 import time
 from typing import Any
 
-from benchmarks.hostile.attacks import packet
+from splatbus_wire.framing import PacketDecoder
+
+from benchmarks._shared import hello, packet
 
 HERTZ = 40.0
 POSE = {"rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}, "type": "camera_pose"}
@@ -28,10 +28,8 @@ class Channel:
     def __init__(self, port: int, token: str, *capabilities: str) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), 5.0)
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._came = b""
-        hello: dict[str, Any] = {"type": "hello", "versions": ["1.1"]}
-        hello |= {"client": {"name": "canary", "version": "1"}, "capabilities": capabilities}
-        self.send(hello | ({"token": token} if token else {}))
+        self._decoder = PacketDecoder()
+        self.socket.sendall(hello(*capabilities, token=token))
 
     def send(self, message: dict[str, Any]) -> None:
         self.socket.sendall(packet(message))
@@ -41,20 +39,13 @@ class Channel:
         data = self.socket.recv(65536)
         if not data:
             raise ConnectionError
-        self._came += data
-        found = []
-        while len(self._came) >= 4:
-            end = 4 + int.from_bytes(self._came[:4], "little")
-            if len(self._came) < end:
-                break
-            found.append(json.loads(self._came[4:end]))
-            self._came = self._came[end:]
-        return found
+        self._decoder.receive(data)
+        return [json.loads(each) for each in iter(self._decoder.next_packet, None)]
 
 
 class Canary:
-    def __init__(self, ipc: str, message: str, token: str) -> None:
-        self._where = int(ipc), int(message), token
+    def __init__(self, ipc: int, message: int, token: str) -> None:
+        self._where = ipc, message, token
         self.number = self.seen = 0
         self.waits: list[float] = []
         self.connect()
@@ -110,11 +101,8 @@ class Canary:
             self.ipc.send({"type": "release"} | given)
 
 
-def main() -> None:
-    canary = Canary(*sys.argv[1:])
+def main(ipc: int, message: int, token: str) -> None:
+    """Until it is told to end."""
+    canary = Canary(ipc, message, token)
     for line in sys.stdin:
         print(json.dumps(canary.behave(float(line))), flush=True)
-
-
-if __name__ == "__main__":
-    main()

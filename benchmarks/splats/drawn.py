@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -12,18 +11,11 @@ from splatbus_splats.drawing.renderer import Renderer
 from splatbus_splats.drawing.skips import Skip
 from splatbus_splats.drawing.truth import at_pixels
 
+from benchmarks import _shared
 from benchmarks.splats.scenes import Shot
 
 SAMPLES = 400
 """Pixels at which the truth is known."""
-
-
-class Cost(NamedTuple):
-    """Processor time of an image: lower quartile, median and upper quartile, ms."""
-
-    low: float
-    usual: float
-    high: float
 
 
 class Truth(NamedTuple):
@@ -34,39 +26,28 @@ class Truth(NamedTuple):
     image: Image
 
 
-def timed(work: Callable[[int], object], rounds: int) -> Cost:
-    """What a call costs, of all threads of this process; it is told the number of the round."""
-    work(0)
-    times = []
-    for i in range(rounds):
-        began = time.process_time()
-        work(i + 1)
-        times.append((time.process_time() - began) * 1e3)
-    return Cost(*(float(each) for each in np.quantile(times, (0.25, 0.5, 0.75))))
+def cost(shot: Shot, skips: Skip, rounds: int) -> list[float]:
+    """Processor time of an image, quartiles, ms: of one thread, while the camera moves.
 
-
-def cost(shot: Shot, skips: Skip, rounds: int) -> Cost:
-    """Of the views of a shot, one after the other, by one thread; the camera moves."""
-    _, _, _, views = shot
-    if len(views) == 1:
+    Views follow each other; the first image is not counted.
+    """
+    if len(shot.views) == 1:
         skips &= ~Skip.TILES  # which would keep the whole image
     with Renderer(1, skips) as renderer:
+        draws = [partial(_draw, renderer, shot, i) for i in range(rounds + 1)]
+        return _shared.quartiles([_shared.processor_ms(each) for each in draws][1:])
 
-        def draw(i: int) -> Image:
-            view = views[i % len(views)]
-            lens = (view.intrinsics, view.width, view.height)
-            return renderer.draw(shot.placed(i), *lens, is_moving=True)
 
-        return timed(draw, rounds)
+def _draw(renderer: Renderer, shot: Shot, i: int) -> Image:
+    view = shot.views[i % len(shot.views)]
+    lens = (view.intrinsics, view.width, view.height)
+    return renderer.draw(shot.placed(i), *lens, is_moving=True)
 
 
 def image(shot: Shot, skips: Skip) -> Image:
     """Of the first view."""
-    view = shot.views[0]
     with Renderer(2, skips) as renderer:
-        lens = (view.intrinsics, view.width, view.height)
-        drawn = renderer.draw(shot.placed(), *lens, is_moving=True)
-        return Image(drawn.color.copy(), drawn.inverse.copy())
+        return Image(*(each.copy() for each in _draw(renderer, shot, 0)))
 
 
 def truth(shot: Shot) -> Truth:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,22 +20,17 @@ SIZE = (640, 480)
 BOTH = frozenset({"color", "depth"})
 
 
-class Shot(NamedTuple):
+@dataclass(frozen=True)
+class Shot:
     """A scene, and from where it is seen."""
 
     name: str
-    what: str
     objects: dict[str, Gaussians]
     views: tuple[View, ...]
 
     def placed(self, i: int = 0) -> list[Placed]:
         """What a renderer is given for the view of this number."""
         return placed(self.views[i % len(self.views)], self.objects)
-
-    @property
-    def count(self) -> int:
-        """Of its Gaussians."""
-        return sum(map(len, self.objects.values()))
 
 
 def view(
@@ -52,14 +47,14 @@ def view(
 def front(count: int, size: tuple[int, int] = SIZE) -> Shot:
     """Balls, a ring and a floor, and what is far away, from before them."""
     scene = {DEFAULT_OBJECT: along_curve(made(count))}
-    return Shot(f"front, {count:,}", "a made scene from before it", scene, (view(size=size),))
+    return Shot(f"front, {count:,}", scene, (view(size=size),))
 
 
 def detail() -> Shot:
     """A long lens, in whose image is a hundredth of a large scene."""
     lens = field_of_view(*SIZE, vertical_degrees=8.0)
     scene = {DEFAULT_OBJECT: along_curve(made(1_000_000))}
-    return Shot("detail", "a million through a long lens", scene, (view(lens=lens),))
+    return Shot("detail", scene, (view(lens=lens),))
 
 
 def walls(count: int) -> Shot:
@@ -70,7 +65,7 @@ def walls(count: int) -> Shot:
     depths = [wall * (1.0 + 0.25 * i) + random.normal(0.0, 0.03, wall.shape) for i in range(count)]
     sizes = np.repeat(0.08 * (1.0 + 0.25 * np.arange(count)), len(wall))
     scene = _alike(np.concatenate(depths), sizes, random)
-    return Shot(f"walls, {count}", "one behind the other", {DEFAULT_OBJECT: scene}, (view(),))
+    return Shot(f"walls, {count}", {DEFAULT_OBJECT: scene}, (view(),))
 
 
 def statue() -> Shot:
@@ -82,7 +77,7 @@ def statue() -> Shot:
         view(IDENTITY, Placement("statue", Pose((-0.4 + 0.1 * i, 0.2, 3.0), (0, 0, 0, 1))))
         for i in range(8)
     )
-    return Shot("statue", "an object that moves in a room", scene, views)
+    return Shot("statue", scene, views)
 
 
 def afar() -> Shot:
@@ -90,7 +85,7 @@ def afar() -> Shot:
     scene = {DEFAULT_OBJECT: along_curve(made(1_000_000))}
     pose = Pose((0.0, 0.0, -80.0), (0.0, 0.0, 0.0, 1.0))
     lens = field_of_view(*SIZE)._replace(far=200.0)
-    return Shot("afar", "a million from far away", scene, (view(pose, lens=lens),))
+    return Shot("afar", scene, (view(pose, lens=lens),))
 
 
 def shots() -> Iterator[Shot]:

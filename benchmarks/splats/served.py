@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -18,14 +16,13 @@ from splatbus_client import Pose, Session
 from splatbus_splats.files import ply
 from splatbus_splats.gaussians import COEFFICIENTS
 from splatbus_splats.made import made
-from splatbus_viewer.latency import percentiles
 from splatbus_viewer.view import orbit
+
+from benchmarks import _shared
 
 SECONDS = 60.0
 """No wait is longer."""
 IMAGES, STILL_SECONDS = 200, 20.0
-MOVING_GOAL, RESTING_GOAL = 25.0, 15.0
-"""Images a second."""
 FLOATS = 14 + 3 * COEFFICIENTS[3]
 """Of a Gaussian in a file of degree 3, its normal among them."""
 
@@ -38,53 +35,41 @@ def measure(rounds: int) -> dict[str, Any]:
         ply.write(path, made(100_000))
         found: dict[str, Any] = {"gaussians": 100_000, "size": "640x480"}
         with serving(path) as (process, session):
-            found["moving"] = followed(session, 1.0 / MOVING_GOAL)
+            found["moving"] = followed(session)
             session.next_frame(SECONDS).release()
             time.sleep(1.0)
             found["still_core"] = round(still(process), 5)
         with serving(path, "--skips", "exact") as (_, session):
-            found["resting"] = followed(session, 1.0 / RESTING_GOAL)
+            found["resting"] = followed(session)
         ply.write(large, made(1_000_000))
         with serving(large, "--skips", "exact,halves") as (process, session):
-            followed(session, 1.0, 10)
+            followed(session, 10)
             halves = peak(process)
         with serving(large) as (process, session):
-            followed(session, 1.0, 10)
+            followed(session, 10)
             found["memory"] = {
                 "gaussians": 1_000_000,
                 "peak_bytes": peak(process),
                 "times_the_floats": round(peak(process) / (4 * FLOATS * 1_000_000), 2),
                 "halves_times_the_floats": round(halves / (4 * FLOATS * 1_000_000), 2),
             }
-    print(found, flush=True)
-    return found
+    return _shared.told(found)
 
 
 @contextmanager
-def serving(path: Path, *options: str) -> Iterator[tuple[subprocess.Popen[str], Session]]:
+def serving(path: Path, *options: str) -> Iterator[tuple[_shared.Child, Session]]:
     """A server of a file, and a client that has its first image."""
-    line = [sys.executable, "-m", "splatbus_splats", str(path), "--quiet", *options]
-    line += ["--ipc-port", "0", "--msg-port", "0"]
-    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            match = re.search(r"IPC port (\d+), message port (\d+)", process.stdout.readline())
-            assert match
-            with splatbus_client.connect("127.0.0.1", int(match[1]), int(match[2])) as session:
-                session.next_frame(SECONDS).release()
-                yield process, session
-        finally:
-            process.terminate()
+    ports = ("--ipc-port", 0, "--msg-port", 0)
+    with (
+        _shared.python("-m", "splatbus_splats", path, "--quiet", *options, *ports) as process,
+        splatbus_client.connect("127.0.0.1", *_shared.ports(process)) as session,
+    ):
+        session.next_frame(SECONDS).release()
+        yield process, session
 
 
-def followed(session: Session, frame: float, images: int = IMAGES) -> dict[str, float]:
-    """A camera that goes on as soon as its image has come: images a second, latencies, ms.
-
-    Args:
-        session: with the server.
-        frame: how long one is, seconds.
-        images: how many.
-    """
+def followed(session: Session, images: int = IMAGES) -> dict[str, float]:
+    """A camera that goes on as soon as its image has come: images a second, latencies, ms."""
     waits, began = [], time.monotonic()
     for i in range(1, images + 1):
         pose = orbit(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), i / 60.0)
@@ -94,17 +79,12 @@ def followed(session: Session, frame: float, images: int = IMAGES) -> dict[str, 
             with session.next_frame(SECONDS) as image:
                 if image.camera.pose == pose:
                     break
-        waits.append(time.monotonic() - sent)
-    median, most = percentiles(waits)
-    return {
-        "images_per_second": round(images / (time.monotonic() - began), 1),
-        "p50_ms": round(1e3 * median, 1),
-        "p99_ms": round(1e3 * most, 1),
-        "p99_frames": round(most / frame, 2),
-    }
+        waits.append(1e3 * (time.monotonic() - sent))
+    found = _shared.percentiles(waits)
+    return found | {"images_per_second": round(images / (time.monotonic() - began), 1)}
 
 
-def still(process: subprocess.Popen[str]) -> float:
+def still(process: _shared.Child) -> float:
     """Of one core, what a server takes while nothing changes."""
     before = processor_seconds(process.pid)
     time.sleep(STILL_SECONDS)
@@ -117,7 +97,7 @@ def processor_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def peak(process: subprocess.Popen[str]) -> int:
+def peak(process: _shared.Child) -> int:
     """The most memory that a process has had, bytes."""
     status = Path(f"/proc/{process.pid}/status").read_text("utf-8")
     match = re.search(r"VmHWM:\s+(\d+) kB", status)
