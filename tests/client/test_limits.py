@@ -6,8 +6,8 @@ from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.steering import Steering
 from splatbus_schemas import LIMITS
 from splatbus_wire.messages import GetCameraPose, Ping, Telemetry
-
 from tests.client.ipc_machine import HELLO, greeted, receive
+
 from tests.peers.fake_server import IPC_CAPABILITIES, init_packet, welcome
 from tests.peers.raw_client import packet
 
