@@ -6,10 +6,9 @@ from hypothesis import strategies as st
 from splatbus_wire.messages import ErrorMessage, Hello, Program, Welcome
 from splatbus_wire.negotiation import answer_hello
 
-from tests.wire import strategies
-
 SERVER = Program("example", "0.1")
 CAPABILITIES = ("host_shm", "frames", "reinit")
+name_lists = st.lists(st.text(max_size=3), unique=True, max_size=6)
 
 
 def hello(**change) -> Hello:
@@ -38,7 +37,7 @@ def test_the_version_is_the_first_of_the_client_that_the_server_speaks(wanted, s
     assert (welcome.version, welcome.server) == (chosen, SERVER)
 
 
-@given(strategies.name_lists, strategies.name_lists)
+@given(name_lists, name_lists)
 def test_the_capabilities_are_those_that_both_have(asked, offered):
     welcome = answer(hello(capabilities=asked), capabilities=offered)
     assert isinstance(welcome, Welcome)
