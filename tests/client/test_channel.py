@@ -93,10 +93,6 @@ def attempts(channel, seconds):
     return begun
 
 
-def gaps(times):
-    return [later - earlier for earlier, later in pairwise(times)]
-
-
 def test_a_tap_hears_each_connection_and_all_its_bytes(listener, accept):
     owner, heard = Owner(), []
     channel = channel_to(listener, owner, lambda *told: heard.append(told))
@@ -125,7 +121,8 @@ def test_a_tap_hears_each_connection_and_all_its_bytes(listener, accept):
 def test_refused_attempts_keep_their_distance(listener):
     channel = channel_to(listener, Owner())
     listener.close()
-    between = gaps(attempts(channel, 60.0))
+    times = attempts(channel, 60.0)
+    between = [later - earlier for earlier, later in pairwise(times)]
     assert min(between) >= LIMITS["reconnect_min_seconds"]
     assert max(between) <= LIMITS["reconnect_max_seconds"]
     assert between == sorted(between)
@@ -151,32 +148,33 @@ def lose_again_and_again(listener, owner, times, lasting=0.0):
     return waits
 
 
-def test_a_connection_on_which_something_was_understood_begins_the_schedule_anew(listener):
-    waits = lose_again_and_again(listener, Owner([Negotiated("1.1", None, frozenset())]), 4)
-    assert len({round(wait, 6) for wait in waits}) == 1
-
-
 UNAUTHORIZED = ErrorMessage("unauthorized", "no")
+SETTLED = Negotiated("1.1", None, frozenset())
+LONG = LIMITS["reconnect_max_seconds"]
 
 
-@pytest.mark.parametrize("error", [ServerError(UNAUTHORIZED), Refused(0, UNAUTHORIZED)])
-def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener, error):
-    """Whether it refuses `hello`, or the question that is sent along with it."""
-    waits = lose_again_and_again(listener, Owner([error]), 4)
-    assert waits == sorted(set(waits))
-    assert min(waits) >= LIMITS["error_pause_seconds"]
-
-
-def test_a_server_that_closes_at_once_is_asked_less_and_less_often(listener):
-    for events in ([], [Ignored("no JSON")]):
-        waits = lose_again_and_again(listener, Owner(events), 4)
-        assert waits == sorted(set(waits))
-
-
-def test_a_server_that_turns_us_away_after_a_welcome_is_no_different(listener):
-    events = [Negotiated("1.1", None, frozenset()), ServerError(ErrorMessage("busy", "no"))]
-    waits = lose_again_and_again(listener, Owner(events), 4)
-    assert waits == sorted(set(waits))
+@pytest.mark.parametrize(
+    ("events", "lasting", "least", "grows"),
+    [
+        ([SETTLED], 0.0, 0.0, False),
+        ([], LONG, 0.0, False),
+        ([], 0.0, 0.0, True),
+        ([Ignored("no JSON")], 0.0, 0.0, True),
+        ([ServerError(UNAUTHORIZED)], 0.0, LIMITS["error_pause_seconds"], True),
+        ([Refused(0, UNAUTHORIZED)], 0.0, LIMITS["error_pause_seconds"], True),
+        ([SETTLED, ServerError(ErrorMessage("busy", "no"))], 0.0, 0.0, True),
+    ],
+)
+def test_a_server_that_turns_us_away_is_asked_less_and_less_often(
+    listener, events, lasting, least, grows
+):
+    """Unless something was understood of it, or the connection lasted."""
+    owner = Owner(events)
+    waits = lose_again_and_again(listener, owner, 4, lasting)
+    assert waits == sorted(waits)
+    assert min(waits) >= least
+    assert len({round(wait, 6) for wait in waits}) == (4 if grows else 1)
+    assert (owner.begun, owner.ended) == (4, 4)
 
 
 def test_what_a_server_says_again_and_again_is_logged_once(listener, accept, caplog):
@@ -195,38 +193,24 @@ def test_an_unknown_host_is_named():
         Channel("test", "no.such.host.invalid", 6001, Owner())
 
 
-def test_a_connection_that_lasted_in_silence_begins_the_schedule_anew(listener):
-    waits = lose_again_and_again(listener, Owner(), 4, lasting=LIMITS["reconnect_max_seconds"])
-    assert len({round(wait, 6) for wait in waits}) == 1
-
-
-def test_each_connection_is_begun_and_ended_once(listener):
-    owner = Owner()
-    lose_again_and_again(listener, owner, 3)
-    assert (owner.begun, owner.ended) == (3, 3)
-
-
-def test_what_must_close_closes_and_nothing_after_it_is_handled(listener, accept):
-    owner = Owner([MustClose("FRM-3"), Negotiated("1.1", None, frozenset())])
-    channel = channel_to(listener, owner)
-    step(channel, 0.0)
-    connection = accept()
-    connection.send(b"x")
-    step(channel, 0.0)
-    assert channel.socket is None
-    assert owner.handled == []
-    assert "FRM-3" in channel.status.problem
-
-
-def test_what_is_ignored_costs_no_connection(listener, accept):
-    settled = Negotiated("1.1", None, frozenset())
-    owner = Owner([Ignored("no JSON"), settled])
+@pytest.mark.parametrize(
+    ("events", "handled", "problem"),
+    [
+        ([MustClose("FRM-3"), SETTLED], [], "FRM-3"),
+        ([Ignored("no JSON"), SETTLED], [SETTLED], None),
+    ],
+)
+def test_what_must_close_closes_and_nothing_after_it_is_handled(
+    listener, accept, events, handled, problem
+):
+    owner = Owner(events)
     channel = channel_to(listener, owner)
     step(channel, 0.0)
     accept().send(b"x")
     step(channel, 0.0)
-    assert channel.socket is not None
-    assert owner.handled == [settled]
+    assert owner.handled == handled
+    assert (channel.socket is None) == (problem is not None)
+    assert (problem or "") in (channel.status.problem or "")
     channel.close()
 
 
@@ -285,16 +269,10 @@ def test_what_a_socket_does_not_take_at_once_is_sent_later(listener, accept):
     channel.close()
 
 
-def test_connections_are_made_without_delay_of_small_packets(listener):
+def test_a_host_that_vanished_is_noticed_and_no_small_packet_waits(listener):
     channel = channel_to(listener, Owner())
     step(channel, 0.0)
     assert channel.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-    channel.close()
-
-
-def test_a_host_that_vanished_is_noticed(listener):
-    channel = channel_to(listener, Owner())
-    step(channel, 0.0)
     assert channel.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
     if hasattr(socket, "TCP_KEEPIDLE"):
         idle, interval, count = (
