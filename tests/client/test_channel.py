@@ -2,7 +2,6 @@
 
 import selectors
 import socket
-from itertools import pairwise
 
 import pytest
 from splatbus_client import channel as channel_module
@@ -82,17 +81,6 @@ def step(channel, now):
                 channel.ready(mask, now)
 
 
-def attempts(channel, seconds):
-    """The times at which the channel begins attempts, while every one of them fails."""
-    now, begun = 0.0, []
-    while now < seconds:
-        begun.append(now)
-        step(channel, now)
-        assert channel.socket is None
-        now = channel.deadline()
-    return begun
-
-
 def test_a_tap_hears_each_connection_and_all_its_bytes(listener, accept):
     owner, heard = Owner(), []
     channel = channel_to(listener, owner, lambda *told: heard.append(told))
@@ -116,17 +104,6 @@ def test_a_tap_hears_each_connection_and_all_its_bytes(listener, accept):
         while channel.machine is not None:
             step(channel, 0.0)
     channel.close()
-
-
-def test_refused_attempts_keep_their_distance(listener):
-    channel = channel_to(listener, Owner())
-    listener.close()
-    times = attempts(channel, 60.0)
-    between = [later - earlier for earlier, later in pairwise(times)]
-    assert min(between) >= LIMITS["reconnect_min_seconds"]
-    assert max(between) <= LIMITS["reconnect_max_seconds"]
-    assert between == sorted(between)
-    assert between[-1] > 10 * between[0]
 
 
 def lose_again_and_again(listener, owner, times, lasting=0.0):

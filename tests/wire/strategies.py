@@ -1,11 +1,7 @@
-"""Poses, frames, and what memory is announced with, at random and valid."""
-
-import json
-from typing import Any
+"""Poses and frames that are plainly valid, at random."""
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
-from splatbus_wire.init_packet import Slots
 from splatbus_wire.messages import CameraPose, Frame, FrameCamera, Placement, PointCloudPose, Pose
 
 from tests.wire.stress import positions, quaternions
@@ -49,45 +45,3 @@ plain_frames = st.builds(
         unique_by=lambda each: each.object,
     ).map(tuple),
 )
-
-
-def rings(width: int, height: int) -> st.SearchStrategy[Slots]:
-    """Rings whose slots are large enough, wherever they lie."""
-    units = st.integers(0, 40).map(lambda n: 16 * n)
-    color_bytes, depth_bytes = 16 * width * height, -(-4 * width * height // 16) * 16
-    return st.builds(
-        Slots,
-        st.integers(1, 4),
-        units,
-        units.map(lambda gap: color_bytes + gap),
-        units,
-        units.map(lambda gap: depth_bytes + gap),
-        st.just(()),
-    )
-
-
-bits = st.recursive(
-    st.none() | st.booleans() | st.integers() | floats | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=3), inner),
-    max_leaves=5,
-)
-
-
-@st.composite
-def damaged(draw: st.DrawFn, message: Any) -> Any:
-    """A valid message, one value of which at any depth is another or is not there."""
-    message = json.loads(json.dumps(message))
-    place = message
-    while True:
-        name = draw(
-            st.sampled_from(sorted(place) if isinstance(place, dict) else range(len(place)))
-        )
-        inner = place[name]
-        if not isinstance(inner, dict | list) or not inner or draw(st.booleans()):
-            break
-        place = inner
-    if draw(st.booleans()) and isinstance(place, dict):
-        del place[name]
-    else:
-        place[name] = draw(bits)
-    return message
