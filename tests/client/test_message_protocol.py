@@ -52,7 +52,6 @@ from tests.peers.fake_server import (
     MESSAGE_CAPABILITIES,
     POSITION,
     ROTATION,
-    SCENE,
     TELEMETRY,
     welcome,
 )
@@ -234,14 +233,6 @@ def test_busy_answers_no_request_that_has_no_id():
     _, error, reply = receive(message(), welcome(), BUSY, TYPED_SIZE)
     assert isinstance(error, ServerError)
     assert isinstance(reply, Replied)
-
-
-def test_a_scene_is_a_reply():
-    machine = of_1_1("scene")
-    ticket = machine.ask(GetScene())
-    assert sent(machine) == [{"type": "get_scene", "id": ticket}]
-    (replied,) = receive(machine, SCENE | {"id": ticket})
-    assert [each.id for each in replied.answer.objects] == ["default", "chair"]
 
 
 def test_a_ping_is_stamped_when_it_leaves_and_its_pong_when_it_comes():
