@@ -108,18 +108,6 @@ def test_a_welcome_before_the_reply_means_its_version():
     assert sent(machine) == [{"type": "get_camera_pose", "cam_idx": 3, "id": ticket}]
 
 
-def test_a_welcome_to_1_0_agrees_on_nothing():
-    machine = message()
-    (event,) = receive(machine, welcome(*MESSAGE_CAPABILITIES, version="1.0"))
-    assert (event.version, event.capabilities) == ("1.0", frozenset())
-    receive(machine, SIZE)
-    machine.tell(CameraPose(POSE, 1.0, "tag", INTRINSICS))
-    machine.ask(GetCameraPose(0))
-    request, camera = sent(machine)
-    assert request == {"type": "get_camera_pose", "cam_idx": 0}
-    assert set(camera) == {"type", "timestamp", "position", "rotation"}
-
-
 def test_a_version_that_was_not_offered_closes():
     (event,) = receive(message(), welcome(version="1.2"), SIZE)
     assert isinstance(event, MustClose)
@@ -288,11 +276,12 @@ def test_what_1_0_does_not_know_waits_for_the_version_and_what_was_told_later_be
 
 
 @given(
-    st.none() | st.sets(st.sampled_from([*MESSAGE_CAPABILITIES, "x-unknown"])),
+    st.sampled_from([None, "1.0", "1.1"]),
+    st.sets(st.sampled_from([*MESSAGE_CAPABILITIES, "x-unknown"])),
     st.lists(st.sampled_from([*OF_1_1, *(r for r, _ in REQUESTS_OF_1_1)]), max_size=12),
     st.integers(0, 12),
 )
-def test_nothing_is_ever_sent_that_welcome_does_not_list(capabilities, messages, before):
+def test_nothing_is_ever_sent_that_welcome_does_not_list(version, listed, messages, before):
     """`before` of the messages are given to the machine before it knows its server."""
     machine = MessageProtocol(MESSAGE_HELLO)
     said, refused = [], set()
@@ -308,7 +297,8 @@ def test_nothing_is_ever_sent_that_welcome_does_not_list(capabilities, messages,
     give(messages[:before])
     said += sent(machine)
     assert all(each["type"] == "hello" or not is_of_1_1(each) for each in said)
-    known = [SIZE] if capabilities is None else [welcome(*capabilities), TYPED_SIZE]
+    greeting = [] if version is None else [welcome(*listed, version=version)]
+    known = [*greeting, TYPED_SIZE if version == "1.1" else SIZE]
     refused |= {
         each.capability for each in receive(machine, *known) if isinstance(each, NotOffered)
     }
@@ -318,36 +308,15 @@ def test_nothing_is_ever_sent_that_welcome_does_not_list(capabilities, messages,
         said += sent(machine)
         if machine.asked is not None:
             receive(machine, BUSY | {"code": "internal", "id": machine.asked[1].id})
-    agreed = capabilities or set()
+    agreed = listed if version == "1.1" else set()
     assert not refused & agreed
     for each in said:
         assert NEEDED.get(each["type"], "") in {"", *agreed}
         assert "intrinsics" not in each or "intrinsics" in agreed
-        assert capabilities is not None or not is_of_1_1(each)
+        assert version == "1.1" or not is_of_1_1(each)
     for request, capability in REQUESTS_OF_1_1:
         if any(type(each) is type(request) for each in messages) and capability not in agreed:
             assert capability in refused, "who asked is told"
-
-
-def test_a_lens_is_left_out_where_it_was_not_agreed_and_its_pose_sent():
-    machine = of_1_1()
-    pose = CameraPose(POSE, 1.0, "tag", INTRINSICS)
-    machine.tell(pose)
-    (told,) = sent(machine)
-    assert told["tag"] == "tag"
-    assert "intrinsics" not in told
-    assert machine.lacks(pose) == "intrinsics"
-
-
-def test_a_lens_that_is_unsent_goes_with_the_pose_that_replaces_its_own():
-    machine = of_1_1("intrinsics")
-    machine.tell(CameraPose(POSE, 1.0, "a", INTRINSICS))
-    machine.tell(CameraPose(POSE, 2.0, "b"))
-    (told,) = sent(machine)
-    assert (told["tag"], told["intrinsics"]) == ("b", LENS)
-    machine.tell(CameraPose(POSE, 3.0, "c"))
-    (told,) = sent(machine)
-    assert "intrinsics" not in told, "it is in force already"
 
 
 @pytest.mark.parametrize(("request_", "capability"), REQUESTS_OF_1_1)

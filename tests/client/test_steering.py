@@ -168,16 +168,6 @@ def test_a_call_that_cannot_be_served_fails_at_once(server, session, call, early
     player.join()
 
 
-def test_a_server_of_1_0_offers_nothing(server, session):
-    message = server.message()
-    message.receive_type("get_viewport_size")
-    message.send({"viewport_size": [WIDTH, HEIGHT]})
-    with pytest.raises(NotOfferedError, match="'scene'"):
-        session.scene(5)
-    session.send_camera(POSE, tag="a-1", intrinsics=LENS_SENT)
-    assert set(message.receive()) == {"type", "timestamp", "position", "rotation"}
-
-
 def test_questions_are_answered(server, session):
     message = server.message_1_1((0, 0))
     assert answered(message, session.ask_camera_pose(2)) == POSE

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from splatbus_conformance.oracle.intrinsics import Intrinsics
-from splatbus_wire.intrinsics import Pinhole, pixel_at, pixel_centre
+from splatbus_wire.intrinsics import Pinhole
 
 focal = st.floats(1, 1e4)
 principal = st.floats(-1e4, 1e4)
@@ -53,15 +53,3 @@ def test_rays_of_all_pixels_are_those_of_their_centres_top_row_first():
     assert rays[0, 6].tolist() == pinhole.ray(6.5, 0.5).tolist()
     assert rays[2, 3].tolist() == [0, 0, 1]
     assert rays[0, 0, 1] < 0 < rays[4, 0, 1]
-
-
-@given(sizes, sizes, st.data())
-def test_the_centre_of_a_pixel_lies_in_it(width, height, data):
-    pixel = data.draw(st.integers(0, width - 1)), data.draw(st.integers(0, height - 1))
-    assert pixel_at(pixel_centre(*pixel), width, height) == pixel
-
-
-@pytest.mark.parametrize("u", [-5e-324, -1.0, 320.0, math.inf, -math.inf, math.nan])
-def test_outside_there_is_no_pixel(u):
-    assert pixel_at((u, 1.0), 320, 240) is None
-    assert pixel_at((1.0, u), 320, 240) is None
