@@ -230,7 +230,7 @@ def test_a_name_with_several_addresses_is_tried_at_each(listener, monkeypatch):
     channel.close()
 
 
-def test_what_a_socket_does_not_take_at_once_is_sent_later(listener, accept):
+def test_what_a_socket_does_not_take_at_once_is_sent_later_but_on_no_other(listener, accept):
     owner = Owner()
     channel = channel_to(listener, owner)
     step(channel, 0.0)
@@ -243,6 +243,14 @@ def test_what_a_socket_does_not_take_at_once_is_sent_later(listener, accept):
         received += len(connection.recv(1 << 20))
         channel.ready(selectors.EVENT_WRITE, 0.0)
     assert channel.interest() == selectors.EVENT_READ
+    owner.sending = bytes(8_000_000)
+    channel.flush(0.0)
+    connection.close()
+    while channel.machine is not None:
+        step(channel, 0.0)
+    owner.sending = b"anew"
+    step(channel, channel.due)
+    assert accept().recv(64) == b"anew"
     channel.close()
 
 

@@ -21,7 +21,7 @@ UNTYPED_REPLIES = ("camera", "viewport_size")
 KINDS = ("scalar", "histogram", "text")
 UNKNOWN_TYPES = {"NEG-9", "INI-11"}
 ABSENT = object()
-NUMBERS = (-1, 0, 0.5, 7.0, 1e10, 3.4028235677973366e38, 1e39, 2**53)
+NUMBERS = (-1, 0, 0.5, 7.0, 1024, 32_769, 1e10, 3.4028235677973366e38, 1e39, 2**53)
 ITEMS = 4
 REPLACEMENTS = [ABSENT, None, True, "", "x", "1", "inf", *NUMBERS, [], [1], {}]
 
