@@ -2,7 +2,6 @@
 
 import selectors
 import socket
-from itertools import pairwise
 
 import pytest
 from splatbus_client import channel as channel_module
@@ -82,21 +81,6 @@ def step(channel, now):
                 channel.ready(mask, now)
 
 
-def attempts(channel, seconds):
-    """The times at which the channel begins attempts, while every one of them fails."""
-    now, begun = 0.0, []
-    while now < seconds:
-        begun.append(now)
-        step(channel, now)
-        assert channel.socket is None
-        now = channel.deadline()
-    return begun
-
-
-def gaps(times):
-    return [later - earlier for earlier, later in pairwise(times)]
-
-
 def test_a_tap_hears_each_connection_and_all_its_bytes(listener, accept):
     owner, heard = Owner(), []
     channel = channel_to(listener, owner, lambda *told: heard.append(told))
@@ -122,16 +106,6 @@ def test_a_tap_hears_each_connection_and_all_its_bytes(listener, accept):
     channel.close()
 
 
-def test_refused_attempts_keep_their_distance(listener):
-    channel = channel_to(listener, Owner())
-    listener.close()
-    between = gaps(attempts(channel, 60.0))
-    assert min(between) >= LIMITS["reconnect_min_seconds"]
-    assert max(between) <= LIMITS["reconnect_max_seconds"]
-    assert between == sorted(between)
-    assert between[-1] > 10 * between[0]
-
-
 def lose_again_and_again(listener, owner, times, lasting=0.0):
     """Seconds from each loss to the next attempt, where the server ends each connection."""
     channel = channel_to(listener, owner)
@@ -151,32 +125,33 @@ def lose_again_and_again(listener, owner, times, lasting=0.0):
     return waits
 
 
-def test_a_connection_on_which_something_was_understood_begins_the_schedule_anew(listener):
-    waits = lose_again_and_again(listener, Owner([Negotiated("1.1", None, frozenset())]), 4)
-    assert len({round(wait, 6) for wait in waits}) == 1
-
-
 UNAUTHORIZED = ErrorMessage("unauthorized", "no")
+SETTLED = Negotiated("1.1", None, frozenset())
+LONG = LIMITS["reconnect_max_seconds"]
 
 
-@pytest.mark.parametrize("error", [ServerError(UNAUTHORIZED), Refused(0, UNAUTHORIZED)])
-def test_a_server_that_turns_us_away_is_asked_less_and_less_often(listener, error):
-    """Whether it refuses `hello`, or the question that is sent along with it."""
-    waits = lose_again_and_again(listener, Owner([error]), 4)
-    assert waits == sorted(set(waits))
-    assert min(waits) >= LIMITS["error_pause_seconds"]
-
-
-def test_a_server_that_closes_at_once_is_asked_less_and_less_often(listener):
-    for events in ([], [Ignored("no JSON")]):
-        waits = lose_again_and_again(listener, Owner(events), 4)
-        assert waits == sorted(set(waits))
-
-
-def test_a_server_that_turns_us_away_after_a_welcome_is_no_different(listener):
-    events = [Negotiated("1.1", None, frozenset()), ServerError(ErrorMessage("busy", "no"))]
-    waits = lose_again_and_again(listener, Owner(events), 4)
-    assert waits == sorted(set(waits))
+@pytest.mark.parametrize(
+    ("events", "lasting", "least", "grows"),
+    [
+        ([SETTLED], 0.0, 0.0, False),
+        ([], LONG, 0.0, False),
+        ([], 0.0, 0.0, True),
+        ([Ignored("no JSON")], 0.0, 0.0, True),
+        ([ServerError(UNAUTHORIZED)], 0.0, LIMITS["error_pause_seconds"], True),
+        ([Refused(0, UNAUTHORIZED)], 0.0, LIMITS["error_pause_seconds"], True),
+        ([SETTLED, ServerError(ErrorMessage("busy", "no"))], 0.0, 0.0, True),
+    ],
+)
+def test_a_server_that_turns_us_away_is_asked_less_and_less_often(
+    listener, events, lasting, least, grows
+):
+    """Unless something was understood of it, or the connection lasted."""
+    owner = Owner(events)
+    waits = lose_again_and_again(listener, owner, 4, lasting)
+    assert waits == sorted(waits)
+    assert min(waits) >= least
+    assert len({round(wait, 6) for wait in waits}) == (4 if grows else 1)
+    assert (owner.begun, owner.ended) == (4, 4)
 
 
 def test_what_a_server_says_again_and_again_is_logged_once(listener, accept, caplog):
@@ -195,38 +170,24 @@ def test_an_unknown_host_is_named():
         Channel("test", "no.such.host.invalid", 6001, Owner())
 
 
-def test_a_connection_that_lasted_in_silence_begins_the_schedule_anew(listener):
-    waits = lose_again_and_again(listener, Owner(), 4, lasting=LIMITS["reconnect_max_seconds"])
-    assert len({round(wait, 6) for wait in waits}) == 1
-
-
-def test_each_connection_is_begun_and_ended_once(listener):
-    owner = Owner()
-    lose_again_and_again(listener, owner, 3)
-    assert (owner.begun, owner.ended) == (3, 3)
-
-
-def test_what_must_close_closes_and_nothing_after_it_is_handled(listener, accept):
-    owner = Owner([MustClose("FRM-3"), Negotiated("1.1", None, frozenset())])
-    channel = channel_to(listener, owner)
-    step(channel, 0.0)
-    connection = accept()
-    connection.send(b"x")
-    step(channel, 0.0)
-    assert channel.socket is None
-    assert owner.handled == []
-    assert "FRM-3" in channel.status.problem
-
-
-def test_what_is_ignored_costs_no_connection(listener, accept):
-    settled = Negotiated("1.1", None, frozenset())
-    owner = Owner([Ignored("no JSON"), settled])
+@pytest.mark.parametrize(
+    ("events", "handled", "problem"),
+    [
+        ([MustClose("FRM-3"), SETTLED], [], "FRM-3"),
+        ([Ignored("no JSON"), SETTLED], [SETTLED], None),
+    ],
+)
+def test_what_must_close_closes_and_nothing_after_it_is_handled(
+    listener, accept, events, handled, problem
+):
+    owner = Owner(events)
     channel = channel_to(listener, owner)
     step(channel, 0.0)
     accept().send(b"x")
     step(channel, 0.0)
-    assert channel.socket is not None
-    assert owner.handled == [settled]
+    assert owner.handled == handled
+    assert (channel.socket is None) == (problem is not None)
+    assert (problem or "") in (channel.status.problem or "")
     channel.close()
 
 
@@ -269,7 +230,7 @@ def test_a_name_with_several_addresses_is_tried_at_each(listener, monkeypatch):
     channel.close()
 
 
-def test_what_a_socket_does_not_take_at_once_is_sent_later(listener, accept):
+def test_what_a_socket_does_not_take_at_once_is_sent_later_but_on_no_other(listener, accept):
     owner = Owner()
     channel = channel_to(listener, owner)
     step(channel, 0.0)
@@ -282,19 +243,21 @@ def test_what_a_socket_does_not_take_at_once_is_sent_later(listener, accept):
         received += len(connection.recv(1 << 20))
         channel.ready(selectors.EVENT_WRITE, 0.0)
     assert channel.interest() == selectors.EVENT_READ
+    owner.sending = bytes(8_000_000)
+    channel.flush(0.0)
+    connection.close()
+    while channel.machine is not None:
+        step(channel, 0.0)
+    owner.sending = b"anew"
+    step(channel, channel.due)
+    assert accept().recv(64) == b"anew"
     channel.close()
 
 
-def test_connections_are_made_without_delay_of_small_packets(listener):
+def test_a_host_that_vanished_is_noticed_and_no_small_packet_waits(listener):
     channel = channel_to(listener, Owner())
     step(channel, 0.0)
     assert channel.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
-    channel.close()
-
-
-def test_a_host_that_vanished_is_noticed(listener):
-    channel = channel_to(listener, Owner())
-    step(channel, 0.0)
     assert channel.socket.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
     if hasattr(socket, "TCP_KEEPIDLE"):
         idle, interval, count = (

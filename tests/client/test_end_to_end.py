@@ -21,7 +21,6 @@ TOP_LEFT = (11, 27)  # of the colour panel
 POSES = [
     Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)),
     look_at((-3.0, -2.5, 0.0), (0.0, 0.0, 4.0)),
-    Pose((0.2, -0.5, 0.3), (0.05, -0.1, 0.02, 0.9935)),
 ]
 
 
@@ -47,17 +46,17 @@ def session(server):
         yield session
 
 
-def frame_from(session, pose):
+def camera_at(session, pose):
     session.send_camera(pose)
     while True:
         with session.next_frame(30) as frame:
             if frame.camera.pose == pose:
-                return frame.color.copy(), frame.depth.copy(), frame.camera
+                return frame.camera
 
 
 def test_a_picture_shows_what_a_frame_holds(server, session, tmp_path, monkeypatch):
-    _, _, camera = frame_from(session, POSES[1])
-    frame_from(session, POSES[0])
+    camera = camera_at(session, POSES[1])
+    camera_at(session, POSES[0])
     session.close()  # who steers first keeps the camera [POS-11]
     for name, value in zip(("HOST", "IPC_PORT", "MSG_PORT"), server, strict=True):
         monkeypatch.setenv(f"SPLATBUS_{name}", value)
@@ -71,17 +70,6 @@ def test_a_picture_shows_what_a_frame_holds(server, session, tmp_path, monkeypat
             assert np.abs(difference).max() <= 0.51
         else:
             assert np.ptp(panel[row, column]) == 0, "squares where nothing is"
-
-
-def test_without_depth_the_colour_is_the_same(server, session):
-    color, _, _ = frame_from(session, POSES[2])
-    host, ipc_port, message_port = server
-    ports = int(ipc_port), int(message_port)
-    with (
-        splatbus_client.connect(host, *ports, channels=["color"]) as other,
-        other.next_frame(30) as frame,
-    ):
-        np.testing.assert_array_equal(frame.color, color)
 
 
 def test_the_viewer_watches_the_reference_server(server):

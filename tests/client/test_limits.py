@@ -2,26 +2,24 @@
 
 import pytest
 from splatbus_client.events import Measured, MustClose
-from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.steering import Steering
 from splatbus_schemas import LIMITS
 from splatbus_wire.messages import GetCameraPose, Ping, Telemetry
 
-from tests.client.ipc_machine import HELLO, greeted, receive
+from tests.client.machines import MESSAGE_HELLO, greeted, ipc, receive, sent
 from tests.peers.fake_server import IPC_CAPABILITIES, init_packet, welcome
-from tests.peers.raw_client import packet
 
 # The IPC channel
 
 
 def test_init_packets_that_wait_for_a_welcome_are_all_answered_or_end_the_connection():
-    machine = IpcProtocol(HELLO)
+    machine = ipc()
     waiting = [init_packet(generation=number) for number in range(1, 17)]
     assert receive(machine, *waiting) == []
     _, *announced = receive(machine, welcome(*IPC_CAPABILITIES))
     assert [event.packet.generation for event in announced] == list(range(1, 17))
     for one_more in (init_packet(generation=17), init_packet(generation=17, ring=None)):
-        machine = IpcProtocol(HELLO)
+        machine = ipc()
         (event,) = receive(machine, *waiting, one_more)
         assert isinstance(event, MustClose)
         assert "OPN-7" in event.reason
@@ -41,12 +39,12 @@ def test_a_server_that_has_us_answer_and_never_reads_is_left():
 
 
 def settle(machine):
-    list(machine.receive(packet(welcome("ping")), 0.0))
-    machine.data_to_send(0.0)
+    receive(machine, welcome("ping"))
+    sent(machine)
 
 
 def test_no_more_telemetry_is_kept_than_so_many_bytes():
-    steering = Steering(HELLO)
+    steering = Steering(MESSAGE_HELLO)
     for seq in range(100):
         steering.handle(Measured(Telemetry(seq, 0.0, ()), 1 << 20))
     assert [measured.telemetry.seq for measured in steering.telemetry] == [96, 97, 98, 99]
@@ -54,7 +52,7 @@ def test_no_more_telemetry_is_kept_than_so_many_bytes():
 
 @pytest.mark.parametrize("connected", [True, False])
 def test_what_nobody_waits_for_any_more_is_neither_kept_nor_asked(connected):
-    steering = Steering(HELLO)
+    steering = Steering(MESSAGE_HELLO)
     if connected:
         machine = steering.begin()
         settle(machine)
@@ -67,7 +65,7 @@ def test_what_nobody_waits_for_any_more_is_neither_kept_nor_asked(connected):
 
 
 def test_a_question_is_asked_although_another_who_asked_the_same_gave_up():
-    steering = Steering(HELLO)
+    steering = Steering(MESSAGE_HELLO)
     machine = steering.begin()
     settle(machine)
     given_up, kept = steering.ask(GetCameraPose(1)), steering.ask(GetCameraPose(1))
@@ -78,7 +76,7 @@ def test_a_question_is_asked_although_another_who_asked_the_same_gave_up():
 
 
 def test_questions_that_nobody_answers_have_an_end():
-    steering = Steering(HELLO)
+    steering = Steering(MESSAGE_HELLO)
     futures = [steering.ask(GetCameraPose(0)) for _ in range(1024)]
     with pytest.raises(RuntimeError, match="1024 questions"):
         steering.ask(GetCameraPose(0))

@@ -1,6 +1,5 @@
 """Memory and leases, over real sockets and real shared memory."""
 
-import logging
 import os
 import sys
 import time
@@ -10,12 +9,10 @@ import pytest
 from splatbus_client import MemoryLostError, connect
 
 from tests.peers.fake_server import (
-    CAMERA,
     HEIGHT,
     SIZE,
     WIDTH,
     Memory,
-    cuda_init_packet,
     frame,
     image,
     init_packet,
@@ -24,29 +21,52 @@ from tests.peers.fake_server import (
 linux = pytest.mark.skipif(sys.platform != "linux", reason="memory keeps its size elsewhere")
 
 
+@pytest.fixture
+def memories():
+    """Makes shared memories that are removed at the end."""
+    made = []
+
+    def make():
+        made.append(Memory())
+        return made[-1]
+
+    yield make
+    for memory in made:
+        memory.remove()
+
+
+def reinit(ipc, memory, generation):
+    ipc.send(init_packet(memory.name, generation))
+    assert ipc.receive() == {"type": "opened", "generation": generation}
+
+
+def release(seq, generation=1):
+    return {"type": "release", "generation": generation, "seq": seq}
+
+
+def closed(generation=1):
+    return {"type": "closed", "generation": generation}
+
+
 def test_a_frame_is_read_top_down_and_released(server, session, memory):
     color, depth = image(1)
     memory.write(2, color, depth)
+    assert session.images is None
     ipc = server.ipc_opened(memory)
     ipc.send(frame(7, slot=2))
     with session.next_frame(5) as lease:
         np.testing.assert_array_equal(lease.color, color)
         np.testing.assert_array_equal(lease.depth, depth)
         assert lease.camera.pose.position == (0.0, 0.0, -4.0)
+        assert lease.channels == {"color", "depth"}
         assert lease.intact
         assert not lease.color.flags.writeable
-    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
+        with pytest.raises(RuntimeError, match="release the former"):
+            session.next_frame(0)
+    assert ipc.receive() == release(7)
     assert not lease.intact
     with pytest.raises(RuntimeError, match="IMG-14"):
         _ = lease.color
-
-
-def test_what_was_announced_can_be_asked(server, session, memory):
-    assert session.images is None
-    ipc = server.ipc_opened(memory)
-    ipc.send(frame(7))
-    with session.next_frame(5) as lease:
-        assert lease.channels == {"color", "depth"}
     assert session.images[:3] == (1, WIDTH, HEIGHT)
     assert session.images.semantics.alpha == "straight"
 
@@ -56,40 +76,24 @@ def test_a_frame_is_released_even_if_its_reader_fails(server, session, memory):
     ipc.send(frame(7))
     with pytest.raises(ZeroDivisionError), session.next_frame(5):
         _ = 1 / 0
-    assert ipc.receive()["type"] == "release"
-
-
-def test_a_frame_of_another_size_than_its_memory_is_given_back_unread(server, session, memory):
-    ipc = server.ipc_opened(memory)
-    ipc.send(frame(7, camera=CAMERA | {"width": 100}))
-    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
-    ipc.send(frame(8))
-    with session.next_frame(5) as lease:
-        assert lease.seq == 8
+    assert ipc.receive() == release(7)
 
 
 @linux
 def test_memory_that_is_cut_before_a_frame_is_taken_is_closed_and_the_next_read(
-    server, session, memory
+    server, session, memory, memories
 ):
     ipc = server.ipc_opened(memory)
     os.truncate(memory.path, 0)
     ipc.send(frame(7))
     with pytest.raises(TimeoutError, match=r"cut to 0 bytes.*MEM-5"):
         session.next_frame(0.5)
-    answers = [ipc.receive() for _ in range(2)]
-    assert answers[0] == {"type": "release", "generation": 1, "seq": 7}
-    assert answers[1] == {"type": "closed", "generation": 1}
+    assert [ipc.receive() for _ in range(2)] == [release(7), closed()]
     assert session.images is None
-    other = Memory()
-    try:
-        ipc.send(init_packet(other.name, generation=2))
-        assert ipc.receive() == {"type": "opened", "generation": 2}
-        ipc.send(frame(8, generation=2))
-        with session.next_frame(5) as lease:
-            assert lease.seq == 8
-    finally:
-        other.remove()
+    reinit(ipc, memories(), 2)
+    ipc.send(frame(8, generation=2))
+    with session.next_frame(5) as lease:
+        assert lease.seq == 8
 
 
 @linux
@@ -103,33 +107,23 @@ def test_memory_that_is_cut_under_a_frame_fails_its_copy_and_is_closed(server, s
         for channel in ("color", "depth"):
             with pytest.raises(MemoryLostError, match="MEM-5"):
                 lease.copy(channel)
-    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
-    assert ipc.receive() == {"type": "closed", "generation": 1}
+    assert [ipc.receive() for _ in range(2)] == [release(7), closed()]
     assert "MEM-5" in session.status.no_images
 
 
 @linux
-def test_memory_that_was_cut_by_the_time_a_frame_is_given_back_is_closed(server, session, memory):
-    ipc = server.ipc_opened(memory)
-    ipc.send(frame(7))
-    with session.next_frame(5):
-        os.truncate(memory.path, 0)
-    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
-    assert ipc.receive() == {"type": "closed", "generation": 1}
-
-
-@linux
-def test_a_frame_that_follows_in_memory_that_was_cut_is_given_back_unread(server, session, memory):
+def test_memory_that_was_cut_is_closed_when_no_array_views_it_and_further_frames_given_back(
+    server, session, memory
+):
     ipc = server.ipc_opened(memory)
     ipc.send(frame(7))
     with session.next_frame(5) as lease:
-        kept = lease.color  # which keeps it mapped
+        kept = lease.color
         os.truncate(memory.path, 0)
-    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
     ipc.send(frame(8))
-    assert ipc.receive() == {"type": "release", "generation": 1, "seq": 8}
+    assert [ipc.receive() for _ in range(2)] == [release(7), release(8)]
     del kept
-    assert ipc.receive() == {"type": "closed", "generation": 1}
+    assert ipc.receive() == closed()
 
 
 @linux
@@ -149,12 +143,6 @@ def test_memory_that_was_cut_ends_the_connection_where_nothing_else_can_be_said(
     server.ipc_opened(memory).send(frame(1))
     with session.next_frame(5) as lease:
         assert lease.copy("depth").shape == (HEIGHT, WIDTH)
-
-
-def test_one_frame_is_borrowed_at_a_time(server, session, memory):
-    server.ipc_opened(memory).send(frame(7))
-    with session.next_frame(5), pytest.raises(RuntimeError, match="release the former"):
-        session.next_frame(0)
 
 
 def test_a_lease_ends_with_its_connection_but_its_memory_stays_readable(server, session, memory):
@@ -180,52 +168,16 @@ def test_a_frame_that_nobody_took_is_gone_with_its_connection(server, session, m
         session.next_frame(0.2)
 
 
-def test_memory_is_neither_removed_nor_written(server, memory):
-    color, depth = image(1)
-    memory.write(0, color, depth)
-    before = memory.path.read_bytes()
-    with connect("127.0.0.1", server.ipc_port, server.message_port) as session:
-        server.ipc_opened(memory).send(frame(7))
-        with session.next_frame(5) as lease, pytest.raises(ValueError, match="read-only"):
-            lease.color[:] = 0
-    assert memory.path.read_bytes() == before
-
-
-def test_new_memory_replaces_old_once_the_old_is_read_no_more(server, session, memory):
-    color, depth = image(1)
-    memory.write(0, color, depth)
-    ipc = server.ipc_opened(memory)
-    ipc.send(frame(7))
-    larger = Memory()
-    try:
-        with session.next_frame(5) as lease:
-            ipc.send(init_packet(larger.name, generation=2))
-            assert ipc.receive() == {"type": "opened", "generation": 2}
-            np.testing.assert_array_equal(lease.color, color)
-        assert ipc.receive() == {"type": "release", "generation": 1, "seq": 7}
-        assert ipc.receive() == {"type": "closed", "generation": 1}
-        ipc.send(frame(8, generation=2))
-        with session.next_frame(5) as lease:
-            assert lease.seq == 8
-            assert not lease.color.any()
-    finally:
-        larger.remove()
-
-
 def test_closed_never_overtakes_the_release_of_a_reader_that_let_go(server, session, memory):
     ipc = server.ipc_opened(memory)
     ipc.send(frame(7))
     lease = session.next_frame(5)
-    ipc.send(init_packet(memory.name, generation=2))
-    assert ipc.receive() == {"type": "opened", "generation": 2}
+    reinit(ipc, memory, 2)
     lease._color = lease._depth = None
-    ipc.send(init_packet(memory.name, generation=3))
-    assert [ipc.receive() for _ in range(2)] == [
-        {"type": "opened", "generation": 3},
-        {"type": "closed", "generation": 2},
-    ]
+    reinit(ipc, memory, 3)
+    assert ipc.receive() == closed(2)
     lease.release()
-    assert [ipc.receive()["type"] for _ in range(2)] == ["release", "closed"]
+    assert [ipc.receive() for _ in range(2)] == [release(7), closed()]
 
 
 def test_closed_waits_for_arrays_that_outlived_their_frame(server, session, memory):
@@ -233,13 +185,13 @@ def test_closed_waits_for_arrays_that_outlived_their_frame(server, session, memo
     ipc.send(frame(7))
     with session.next_frame(5) as lease:
         kept = lease.color
-    ipc.send(init_packet(memory.name, generation=2), init_packet(memory.name, generation=3))
-    answers = [ipc.receive() for _ in range(4)]
-    assert {"type": "closed", "generation": 2} in answers
-    assert {"type": "closed", "generation": 1} not in answers
+    assert ipc.receive() == release(7)
+    reinit(ipc, memory, 2)
+    reinit(ipc, memory, 3)
+    assert ipc.receive() == closed(2)
     assert not kept.any()
     del kept
-    assert ipc.receive() == {"type": "closed", "generation": 1}
+    assert ipc.receive() == closed()
 
 
 def test_a_channel_that_was_not_subscribed_to_is_not_read(server, memory):
@@ -266,12 +218,9 @@ def test_a_channel_that_was_not_subscribed_to_is_not_read(server, memory):
     ("members", "reason"),
     [
         ({"name": "client-test-missing"}, "no shared memory"),
-        ({"name": "../../etc/passwd"}, "MEM-7"),
         ({"name": "x" * 31}, "MEM-7"),
-        ({"kind": "cuda_ipc"}, ""),
         ({"bytes": SIZE + 1}, "MEM-6"),
         ({"bytes": SIZE - 1}, "MEM-10"),
-        ({"bytes": 2**53 - 1}, "MEM-6"),
     ],
 )
 def test_what_cannot_be_opened_is_declined_and_the_rest_goes_on(
@@ -285,26 +234,24 @@ def test_what_cannot_be_opened_is_declined_and_the_rest_goes_on(
     assert reason in answer["reason"]
     with pytest.raises(TimeoutError, match="cannot be opened"):
         session.next_frame(0)
-    ipc.send(init_packet(memory.name, generation=2))
-    assert ipc.receive() == {"type": "opened", "generation": 2}
+    reinit(ipc, memory, 2)
     ipc.send(frame(1, generation=2))
     with session.next_frame(5):
         pass
 
 
-def test_memory_of_1_0_is_declined_in_silence_and_said_once(server, session, caplog):
-    caplog.set_level(logging.WARNING, "splatbus_client")
-    for _ in range(2):
-        ipc = server.ipc()
-        assert ipc.receive()["type"] == "hello"
-        ipc.send(cuda_init_packet(), cuda_init_packet())
-        ipc.send(b"{}")
-        ipc.socket.settimeout(0.3)
-        with pytest.raises(TimeoutError):
-            ipc.receive()
+def test_a_frame_that_is_held_while_the_connection_changes_is_given_back_to_nobody(
+    server, session, memories
+):
+    first, second = memories(), memories()
+    ipc = server.ipc_opened(first)
+    ipc.send(frame(7))
+    with session.next_frame(5) as lease:
+        reinit(ipc, second, 2)
         ipc.close()
-    assert sum("no CUDA support" in record.message for record in caplog.records) == 1
-    message, size = server.message_1_1(), session.ask_viewport_size()
-    asked = message.receive()
-    message.send({"type": "viewport_size", "id": asked["id"], "viewport_size": [WIDTH, HEIGHT]})
-    assert size.result(5) == (WIDTH, HEIGHT)
+        ipc = server.ipc_opened(second)
+        assert not lease.intact
+    ipc.send(frame(1))
+    with session.next_frame(5) as lease:
+        assert lease.seq == 1
+    assert ipc.receive() == release(1)

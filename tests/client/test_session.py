@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from splatbus_client import Pose, connect
 
-from tests.peers.fake_server import POSITION, ROTATION, Memory, frame, image, init_packet
-from tests.peers.raw_client import packet
+from tests.peers.fake_server import POSITION, ROTATION, Memory, frame, image
 
 POSE = Pose(POSITION, ROTATION)
 
@@ -46,32 +45,6 @@ def test_a_client_survives_its_server_s_restart(server, session, memory):
     finally:
         other.remove()
     assert session.status.ipc.connections == 2
-
-
-@pytest.mark.parametrize("end", ["reset", "close"])
-def test_one_channel_s_loss_leaves_the_other_alone(server, session, memory, end):
-    ipc = server.ipc_opened(memory)
-    for _ in range(3):
-        getattr(server.message_1_1(), end)()
-    ipc.send(frame(1))
-    with session.next_frame(5) as lease:
-        assert lease.intact
-    message = server.message_1_1()
-    for _ in range(3):
-        getattr(ipc, end)()
-        ipc = server.ipc_opened(memory)
-    session.send_camera(POSE)
-    assert message.receive()["type"] == "camera_pose"
-
-
-def test_half_a_packet_never_continues_on_the_next_connection(server, session, memory):
-    whole = packet(init_packet(memory.name))
-    ipc = server.ipc_1_1()
-    ipc.socket.sendall(whole[:200])
-    ipc.close()
-    ipc = server.ipc_1_1()
-    ipc.socket.sendall(whole)
-    assert ipc.receive() == {"type": "opened", "generation": 1}
 
 
 def test_the_end_of_a_session_ends_both_connections(server):

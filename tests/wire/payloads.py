@@ -21,6 +21,20 @@ def payload_of(packet: bytes) -> bytes:
     return found
 
 
+def with_value(message: dict, pointer: str, value: object) -> dict:
+    """The message with `value` where the pointer leads, or with nothing there for `...`."""
+    changed = json.loads(json.dumps(message))
+    *path, last = pointer[1:].split("/")
+    place = changed
+    for name in path:
+        place = place[int(name) if isinstance(place, list) else name]
+    if value is ...:
+        del place[last]
+    else:
+        place[int(last) if isinstance(place, list) else last] = value
+    return changed
+
+
 def refusal(decode, *arguments, **keywords) -> ProtocolError:
     with pytest.raises(ProtocolError) as caught:
         decode(*arguments, **keywords)

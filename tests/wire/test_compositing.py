@@ -41,37 +41,22 @@ def test_each_colour_is_rounded_once(premultiplied, pixels):
     within(f"composite, {kind}", worst, 0.501, "ULP", at)
 
 
-def over_grey(splat, depth, *, behind=10.0, blend=over_straight):
-    under = np.full((1, 3), 0.25, np.float32)
-    got = blend(
-        np.array([splat], np.float32),
-        np.array([depth], np.float32),
-        under,
-        np.array([behind], np.float32),
-    )
-    return got[0].tolist()
-
-
-def test_straight_colour_is_weighed_by_its_alpha_once():
-    assert over_grey((0.5, 0.5, 0.5, 0.5), 4.0) == [0.375] * 3
-
-
-def test_premultiplied_colour_is_not_weighed_again():
-    assert over_grey((0.25, 0.25, 0.25, 0.5), 4.0, blend=over_premultiplied) == [0.375] * 3
-
-
 @pytest.mark.parametrize("blend", [over_straight, over_premultiplied])
-@pytest.mark.parametrize("depth", [10.0, 11.0, math.inf, math.nan, 0.0, -1.0])
-def test_what_is_not_in_front_leaves_the_background_alone(depth, blend):
-    assert over_grey((1, 1, 1, 1), depth, blend=blend) == [0.25] * 3
-
-
-@pytest.mark.parametrize("blend", [over_straight, over_premultiplied])
-@pytest.mark.parametrize("depth", [4.0, 100.0, math.inf])
-@pytest.mark.parametrize("left_over", [1.0, math.inf, math.nan])
-def test_an_empty_pixel_leaves_the_background_alone_whatever_it_holds(depth, left_over, blend):
-    splat = (left_over, left_over, left_over, 0)
-    assert over_grey(splat, depth, behind=math.inf, blend=blend) == [0.25] * 3
+@pytest.mark.parametrize(
+    ("splat", "depth", "behind"),
+    [
+        *(((1, 1, 1, 1), depth, 10.0) for depth in (10.0, 11.0, math.inf, math.nan, 0.0, -1.0)),
+        *(
+            ((left_over, left_over, left_over, 0), depth, math.inf)
+            for left_over in (1.0, math.inf, math.nan)
+            for depth in (4.0, 100.0, math.inf)
+        ),
+    ],
+)
+def test_what_is_empty_or_not_in_front_leaves_the_background_alone(splat, depth, behind, blend):
+    splats, depths = np.array([splat], np.float32), np.array([depth], np.float32)
+    under, under_depths = np.full((1, 3), 0.25, np.float32), np.array([behind], np.float32)
+    assert blend(splats, depths, under, under_depths).tolist() == [[0.25] * 3]
 
 
 def test_images_keep_their_shape():

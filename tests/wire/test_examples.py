@@ -1,10 +1,12 @@
 """The wire against the examples of the prose, and those that were written by hand from it."""
 
 import json
+import re
+from typing import Any
 
 import pytest
 from splatbus_schemas import VERSIONS, InvalidExample, ValidExample, examples, names, prose
-from splatbus_wire.errors import ProtocolError
+from splatbus_schemas.validation import violations
 from splatbus_wire.framing import encode_packet
 from splatbus_wire.messages import (
     Channel,
@@ -19,6 +21,8 @@ from splatbus_wire.messages import (
     encode,
 )
 
+from tests.wire.payloads import payload_of, refusal, with_value
+
 IPC_MESSAGES = {"hello", "opened", "open_failed", "closed", "release", "subscribe"}
 FROM_SERVER_IPC = {"init_packet", "welcome", "error", "frame"}
 REPLIES = {
@@ -30,9 +34,19 @@ REPLIES = {
     "pong": lambda identifier: Ping(0.0, identifier),
 }
 FROM_SERVER_MESSAGE = {*REPLIES, "telemetry"}
+CODES = {
+    "JSN-1": "not_an_object",
+    "POS-2": "invalid_number",
+    "POS-3": "invalid_rotation",
+    "NEG-9": "unknown_type",
+    "INI-11": "unknown_type",
+}
 MESSAGES = [(name, version) for version in VERSIONS for name in names(version)]
 VALID = [(*message, example) for message in MESSAGES for example in examples(*message)[0]]
 INVALID = [(*message, example) for message in MESSAGES for example in examples(*message)[1]]
+UNORDERED = ("channels", "names")
+WITH_MORE = re.compile("JSN-7|ignored|mean nothing|later version")
+"""Examples with members that have no meaning, and are not sent again."""
 SHOWN = [(version, example) for version in VERSIONS for example in prose.examples(version)]
 
 
@@ -70,9 +84,31 @@ def test_what_the_prose_shows_is_what_is_sent(version, example):
     assert sent == example.packet or example.name == "camera_pose_reply"
 
 
+def sent_again(name: str, message: Message, version: str) -> Any:
+    """What is sent of a message that was taken: it is valid, and means the same."""
+    said_hello = version == "1.1"
+    sent = json.loads(payload_of(encode(message, typed_replies=said_hello)))
+    assert violations(sent, name, version) == []
+    assert decode_example(name, sent, said_hello=said_hello) == message
+    return sent
+
+
+def spelt_out(message: Any) -> Any:
+    """With what is meant where nothing is said, and what has no order in one."""
+    ordered = {name: sorted(message[name]) for name in UNORDERED if message.get(name)}
+    if message.get("type") == "object_pose":
+        return {"scale": 1.0} | message
+    if "mem_color" in message:
+        return message | {"meta": {"offsetColor": 0, "offsetDepth": 0} | message["meta"]}
+    return message | ordered
+
+
 @pytest.mark.parametrize(("name", "version", "example"), VALID, ids=label)
-def test_valid_examples_are_taken(name, version, example):
-    decode_example(name, example.message, said_hello=version == "1.1")
+def test_valid_examples_are_taken_and_survive_the_wire(name, version, example):
+    message = decode_example(name, example.message, said_hello=version == "1.1")
+    sent = sent_again(name, message, version)
+    if not WITH_MORE.search(example.why):
+        assert sent == spelt_out(example.message)
 
 
 def wanted_refusal(name: str, example: InvalidExample) -> tuple[str, str]:
@@ -108,7 +144,59 @@ def test_invalid_examples_are_refused_where_and_why_the_example_says(name, versi
     if is_borne(name, example):
         decode_example(name, example.message, said_hello=True)
         return
-    with pytest.raises(ProtocolError) as caught:
-        decode_example(name, example.message, said_hello=True)
-    assert (caught.value.requirement, caught.value.pointer) == wanted_refusal(name, example)
-    assert len(str(caught.value)) < 200
+    error = refusal(decode_example, name, example.message, said_hello=True)
+    requirement, pointer = wanted_refusal(name, example)
+    assert (error.requirement, error.pointer) == (requirement, pointer)
+    assert error.code == CODES.get(requirement, "invalid_message")
+    assert len(str(error)) < 200
+
+
+@pytest.mark.parametrize(
+    ("name", "why", "pointer", "value", "requirement", "at"),
+    [
+        ("camera_pose", "", "/rotation/w", 1.011, "POS-3", "/rotation"),
+        ("camera_pose", "", "/rotation/w", 0, "POS-3", "/rotation"),
+        ("camera_pose", "", "/rotation", dict.fromkeys("xyzw", 1e308), "POS-3", "/rotation"),
+        *(
+            (name, "intrinsics", "/intrinsics/near", near, "CAM-4", "/intrinsics/far")
+            for name in ("camera_pose", "camera")
+            for near in (100.0, 100.5)
+        ),
+        ("object_pose", "half", "/rotation/w", 1.011, "POS-3", "/rotation"),
+        ("frame", "two objects", "/camera/rotation", [0, 0, 0, 0], "POS-3", "/camera/rotation"),
+        ("frame", "two objects", "/camera/near", 100, "IMG-1", "/camera/far"),
+        ("frame", "two objects", "/camera/near", 100.5, "IMG-1", "/camera/far"),
+        ("frame", "two objects", "/objects/0/object", "default", "OBJ-7", "/objects"),
+        ("frame", "two objects", "/objects/0/rotation/3", 1.011, "POS-3", "/objects/0/rotation"),
+        ("scene", "animated", "/objects/1/id", "default", "SCN-2", "/objects"),
+        ("scene", "animated", "/objects/0/id", "garden", "SCN-2", "/objects"),
+        ("scene", "animated", "/objects/0/bounds/min/2", 4.5, "SCN-2", "/objects/0/bounds"),
+        ("scene", "animated", "/timeRange/1", -2.0, "SCN-2", "/timeRange"),
+        ("telemetry", "each kind", "/series/1/name", "render_ms", "TEL-2", "/series"),
+        ("telemetry", "each kind", "/series/1/edges/2", 0.5, "TEL-2", "/series/1/edges"),
+        ("telemetry", "each kind", "/series/1/edges/2", 0.25, "TEL-2", "/series/1/edges"),
+        ("telemetry", "each kind", "/series/1/counts", [1000], "TEL-2", "/series/1/counts"),
+        ("telemetry", "each kind", "/series/1/counts", [1, 2, 3], "TEL-2", "/series/1/counts"),
+        ("init_packet", "of the host", "/meta/pitchColor", 5136, "INI-4", "/meta/pitchColor"),
+        ("init_packet", "of the host", "/meta/pitchDepth", 1296, "INI-4", "/meta/pitchDepth"),
+        (
+            "init_packet",
+            "of the host",
+            "/ring/colorStride",
+            1_228_784,
+            "MEM-8",
+            "/ring/colorStride",
+        ),
+        ("init_packet", "of the host", "/ring/depthStride", 307_184, "MEM-8", "/ring/depthStride"),
+        ("init_packet", "CUDA", "/ring/slots", 2, "MEM-8", "/ring/events"),
+        ("init_packet", "CUDA", "/mem_color", "A" * 85 + "B==", "INI-7", "/mem_color"),
+        ("init_packet", "CUDA", "/memory/handle", "A" * 85 + "B==", "MEM-2", "/memory/handle"),
+    ],
+)
+def test_what_no_schema_can_say_is_refused_too(name, why, pointer, value, requirement, at):
+    message = next(each.message for each in examples(name, "1.1")[0] if why in each.why)
+    decode_example(name, message, said_hello=True)
+    changed = with_value(message, pointer, value)
+    error = refusal(decode_example, name, changed, said_hello=True)
+    assert (error.requirement, error.pointer) == (requirement, at)
+    assert error.code == CODES.get(requirement, "invalid_message")

@@ -7,7 +7,7 @@ from hypothesis import given, settings, target
 from hypothesis import strategies as st
 from splatbus_conformance import oracle
 from splatbus_schemas import LIMITS
-from splatbus_wire.poses import IDENTITY, Pose, as_array, view_matrix
+from splatbus_wire.poses import Pose, as_array, view_matrix
 from splatbus_wire.relative import (
     camera_in_object,
     object_to_camera,
@@ -19,8 +19,7 @@ from tests.wire.stress import positions, quaternions
 
 stress = settings(deadline=None, max_examples=100)
 poses = st.builds(Pose, positions, quaternions())
-scales = st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
-U32 = 2.0**-24
+scales = st.just(1.0) | st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
 TURNED = Pose((3.0, -1.0, 2.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
 
 
@@ -37,19 +36,8 @@ def budget(offset, origin):
 
 
 @stress
-@given(poses, poses, positions)
-def test_the_camera_in_the_object_is_within_16u(camera, points, origin):
-    expected, offset = exact_eye(camera, points, origin)
-    got = camera_in_object(camera, points, origin)
-    off = oracle.norm([a - b for a, b in zip(map(Fraction, got), expected, strict=True)])
-    allowed = budget(offset, origin)
-    target(float(off) / allowed if allowed else 0.0)
-    assert float(off) <= allowed
-
-
-@stress
 @given(poses, poses, positions, scales)
-def test_the_camera_in_an_object_that_is_scaled_is_within_16u(camera, points, origin, scale):
+def test_the_camera_in_an_object_is_within_16u(camera, points, origin, scale):
     """[OBJ-1]: Rᵀ·(c − p)/s − origin."""
     at_no_origin, offset = exact_eye(camera, points, (0.0, 0.0, 0.0))
     expected = [
@@ -99,54 +87,6 @@ def test_a_relative_point_is_rounded_once(camera, points, origin, point, dtype):
 
 
 @stress
-@given(poses, poses, st.integers(0, 7))
-def test_far_away_is_as_good_as_near(camera, points, exponent):
-    """A point within 10 units of the camera is placed within 2e-6 units, wherever both are."""
-    far = np.array((0.6, -0.64, 0.48)) * 10.0**exponent
-    camera = Pose(tuple(far), camera.rotation)
-    points = Pose((0.0, 0.0, 0.0), points.rotation)
-    offset = np.array((3.0, -2.0, 5.0))
-    eye = camera_in_object(camera, points)
-    nearby = eye + offset
-    moved, matrix = relative_view(nearby[None], camera, points)
-    turn = as_array(object_to_camera(camera, points))[:3, :3]
-    error = np.linalg.norm(moved[0] @ matrix[:3, :3].T - turn @ (nearby - eye))
-    target(float(error))
-    assert error <= 2e-6
-
-
-def test_what_plain_single_precision_loses_at_a_million_units():
-    camera = Pose((6e5, -6.4e5, 4.8e5), TURNED.rotation)
-    point = np.add(camera.position, (0.3, -0.2, 0.5))
-    exact = as_array(view_matrix(camera))[:3, :3] @ (point - camera.position)
-    plain = as_array(view_matrix(camera), np.float32)
-    plain_error = plain[:3, :3] @ point.astype(np.float32) + plain[:3, 3] - exact
-    (moved,), matrix = relative_view(point[None], camera)
-    assert not matrix[:3, 3].any()
-    relative_error = matrix[:3, :3] @ moved - exact
-    assert np.linalg.norm(plain_error) > 1e-3
-    assert np.linalg.norm(relative_error) < 1e-7
-
-
-@stress
-@given(poses, poses, positions, positions)
-def test_one_matrix_a_tile_is_as_good_as_the_tile_is_small_and_near(camera, points, origin, point):
-    """The entries rounded to single precision misplace a point by 2⁻²³·(‖X‖ + ‖eye‖) at most."""
-    matrix = as_array(object_to_camera(camera, points, origin))
-    eye = np.array(camera_in_object(camera, points, origin))
-    rounded = matrix.astype(np.float32).astype(np.float64)
-    x = np.array((*point, 1.0))
-    error = float(np.linalg.norm((rounded - matrix) @ x))
-    scale = float(np.linalg.norm(point) + np.linalg.norm(eye))
-    tiny = float(np.finfo(np.float32).smallest_subnormal)
-    assert error <= 2 * U32 * scale + tiny
-    far = sum(map(np.linalg.norm, (camera.position, points.position, origin)))
-    np.testing.assert_allclose(
-        matrix[:3] @ x, matrix[:3, :3] @ (point - eye), atol=1e-15 * (1 + 4 * scale + 2 * far)
-    )
-
-
-@stress
 @given(poses)
 def test_an_object_that_is_not_moved_is_seen_by_the_view_matrix(camera):
     assert object_to_camera(camera) == view_matrix(camera)
@@ -165,20 +105,6 @@ def test_two_floats_do_for_a_renderer_without_doubles(eye, point):
     exact = x.astype(np.float64) - together
     room = np.spacing(np.maximum(np.abs(exact), np.abs(np.spacing(high))).astype(np.float32))
     assert (np.abs(moved - exact) <= room).all()
-
-
-def test_origin_is_what_points_are_counted_from():
-    origin = (1e6, -2e6, 3e6)
-    points = np.array([[1.0, 2.0, 3.0], [-1.0, 0.5, 0.25]])
-    counted = relative_view(points, TURNED, IDENTITY, origin)
-    whole = relative_view(points + origin, TURNED)
-    assert (counted.points == whole.points).all()
-    assert (counted.matrix == whole.matrix).all()
-    moved = as_array(object_to_camera(TURNED, IDENTITY, origin))
-    expected = as_array(object_to_camera(TURNED))
-    np.testing.assert_allclose(
-        moved[:3] @ (1, 2, 3, 1), expected[:3] @ (*(points[0] + origin), 1.0), rtol=1e-14
-    )
 
 
 def test_memory_can_be_given():

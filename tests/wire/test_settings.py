@@ -13,20 +13,19 @@ ENVIRONMENT = {
 }
 
 
-def test_defaults_are_those_of_the_specification():
-    assert settings(environment={}) == ("127.0.0.1", 6001, 6000, None)
+@pytest.mark.parametrize(
+    ("given", "environment", "found"),
+    [
+        ((), {}, ("127.0.0.1", 6001, 6000, None)),
+        ((), ENVIRONMENT, ("renderer", 7001, 7000, "from-environment")),
+        (("::1", 1, 2, "given"), ENVIRONMENT, ("::1", 1, 2, "given")),
+    ],
+)
+def test_arguments_come_before_the_environment_and_that_before_defaults(given, environment, found):
+    assert settings(*given, environment=environment) == found
 
 
-def test_the_environment_comes_before_defaults():
-    assert settings(environment=ENVIRONMENT) == ("renderer", 7001, 7000, "from-environment")
-
-
-def test_arguments_come_before_the_environment():
-    given = settings("::1", 1, 2, "given", environment=ENVIRONMENT)
-    assert given == ("::1", 1, 2, "given")
-
-
-def test_a_server_may_let_the_system_choose() -> None:
+def test_a_server_may_let_the_system_choose():
     assert settings(ipc_port=0, environment={}, least_port=0).ipc_port == 0
 
 
