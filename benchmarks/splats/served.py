@@ -42,16 +42,12 @@ def measure(rounds: int) -> dict[str, Any]:
         with serving(path, "--skips", "exact") as (_, session):
             found["resting"] = followed(session)
         ply.write(large, made(1_000_000))
-        with serving(large, "--skips", "exact,halves") as (process, session):
-            followed(session, 10)
-            halves = peak(process)
         with serving(large) as (process, session):
             followed(session, 10)
             found["memory"] = {
                 "gaussians": 1_000_000,
                 "peak_bytes": peak(process),
                 "times_the_floats": round(peak(process) / (4 * FLOATS * 1_000_000), 2),
-                "halves_times_the_floats": round(halves / (4 * FLOATS * 1_000_000), 2),
             }
     return _shared.told(found)
 

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 from splatbus_splats.drawing.skips import EXACT, NOTHING, Skip
-from splatbus_splats.gaussians import halved
 
 from benchmarks import _shared
 from benchmarks.splats import drawn, scenes
-from benchmarks.splats.scenes import Shot
 
-LOSSY = (Skip.HALVES, Skip.MOVING, Skip.FAR, Skip.SMALL)
+LOSSY = (Skip.MOVING, Skip.SMALL)
 
 
 def choices() -> Iterator[tuple[str, Skip]]:
@@ -37,20 +34,14 @@ def measure(rounds: int) -> list[dict[str, Any]]:
     for shot in scenes.shots():
         right, floor = drawn.truth(shot), 0.0
         for called, skips in choices():
-            chosen = in_halves(shot) if Skip.HALVES in skips else shot
-            taken = drawn.cost(chosen, skips, rounds)
+            taken = drawn.cost(shot, skips, rounds)
             floor = floor or taken[1]
             row = {
                 "scene": shot.name,
                 "skips": called,
                 "ms": [round(each, 2) for each in taken],
                 "ratio": round(floor / taken[1], 2),
-                "error_255": round(255 * drawn.error(drawn.image(chosen, skips), right), 5),
+                "error_255": round(255 * drawn.error(drawn.image(shot, skips), right), 5),
             }
             rows.append(_shared.told(row))
     return rows
-
-
-def in_halves(shot: Shot) -> Shot:
-    """The same with its harmonics in float16."""
-    return replace(shot, objects={k: halved(each) for k, each in shot.objects.items()})
