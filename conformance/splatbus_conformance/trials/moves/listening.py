@@ -22,11 +22,3 @@ def listen(trial: ClientTrial, *connections: Connection) -> None:
 def declared(trial: ClientTrial, channel: Channel) -> list[str]:
     """The capabilities that the testee declares on a channel."""
     return texts(within(trial.facts.hello[channel], "capabilities"))
-
-
-def unwelcome(trial: ClientTrial, channel: Channel) -> Connection:
-    """A new connection on which the testee has said hello, for a welcome of the check's own."""
-    trial.role.welcomes = False
-    connection = trial.connection(channel)
-    trial.says_hello(connection)
-    return connection
