@@ -2,17 +2,15 @@
 come back (spec 1.1 section 6.3).
 """
 
-import math
 from collections.abc import Callable
-from typing import Any
 
 from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, SERVER, Cases, check
 from splatbus_conformance.checks.v1_0.cnv.adapter import COMMANDS, said_again
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
-from splatbus_conformance.checks.v1_1.tim_png import CLOSENESS, set_time
 from splatbus_conformance.images.pinhole import placed_in, told_of
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_in, camera_of
+from splatbus_conformance.trials.moves.clocks import near, set_time
 from splatbus_conformance.trials.moves.control import busy, controlling, in_control
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.frame_readers import frames_of
@@ -30,7 +28,7 @@ from splatbus_conformance.trials.moves.nudging import Nudging
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
-from splatbus_conformance.wire.json_values import is_number, show, within
+from splatbus_conformance.wire.json_values import show, within
 from splatbus_conformance.wire.message_kinds import POSES
 from splatbus_conformance.wire.messages import Json, camera_pose
 from splatbus_conformance.wire.recording import WORDS, Channel
@@ -274,10 +272,9 @@ def _expect_the_rest(
     """Intrinsics, time and tag are those that the client had sent when it had no control."""
     wrong = in_force(frames[-1], scaled(lens, trial.facts.size)) if lens else ""
     trial.expect(not wrong, "other-intrinsics", f"{what} it had sent intrinsics, and {wrong}")
-    seen: Any = frames[-1].get("time")
-    right = time is None or (is_number(seen) and math.isclose(seen, time, rel_tol=CLOSENESS))
+    seen = frames[-1].get("time")
     told = f"{what} it had set the time to {time}, and a frame has {show(seen)}"
-    trial.expect(right, "another-time", told)
+    trial.expect(time is None or near(seen, time), "another-time", told)
     tags = [tag for it in frames if (tag := within(it, "camera", "tag")) is not None]
     told = f"{what} its newest tag is {NEWEST_TAG}, and {show(tags)} came"
     trial.expect(tags == [NEWEST_TAG], "another-tag", told)
