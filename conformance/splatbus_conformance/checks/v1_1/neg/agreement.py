@@ -340,8 +340,8 @@ def of_strange_types(trial: Trial, channel: Channel) -> Cases:
     on={
         CLIENT_IPC: OPENS_HOST_MEMORY,
         CLIENT_MSG: ("hello:msg", "poses"),
-        SERVER_MSG: ("1.1",),
         SERVER_IPC: ("1.1",),
+        SERVER_MSG: ("1.1",),
     },
     cases=of_strange_types,
 )
