@@ -17,11 +17,11 @@ from splatbus_conformance.checks.v1_1.cam.lenses import (
     other_shapes,
 )
 from splatbus_conformance.checks.v1_1.obj import broken_object_poses
-from splatbus_conformance.checks.v1_1.tim_png import ClockReading, expect_one_offset
 from splatbus_conformance.images.known_scene import SceneState
 from splatbus_conformance.images.pinhole import STILL, ObjectPlacement, told_of
 from splatbus_conformance.rules.v1_1.cam import lens as judged_lens
 from splatbus_conformance.rules.v1_1.obj import object_pose as judged_object_pose
+from splatbus_conformance.trials.moves.clocks import ClockReading, expect_one_offset
 from splatbus_conformance.trials.moves.exchanges.exchange import ASKED
 from splatbus_conformance.trials.moves.image_session import AT_REST, placed
 from splatbus_conformance.trials.moves.lenses import in_force, same_shape, scaled

@@ -17,7 +17,7 @@ from splatbus_schemas.requirements import requirements
 from tests.conformance.harness import GOOD, broken, run, start
 from tests.waiting import eventually
 
-SOME = "NEG-8,CHN-2"
+SOME = "NEG-8,NEG-16,CHN-2"
 POSIX = pytest.mark.skipif(os.name == "nt", reason="signals and process ids as POSIX has them")
 BEGINS = 'if __name__ == "__main__":\n'
 """Of the part of the miniature that runs first."""

@@ -8,10 +8,8 @@ from splatbus_conformance.checks import (
     SERVER_MSG,
     check,
 )
-from splatbus_conformance.checks.v1_1.neg.clients import declared, judge_agreement
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.server import ServerTrial
-from splatbus_conformance.wire.json_values import within
+from splatbus_conformance.trials.moves.agreement import Trial, agreed, judge_agreement, offered
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.recording import WORDS, Channel
 
@@ -20,7 +18,6 @@ VERSION = "1.4000"
 MORE: Json = {"later": {"since": VERSION, "values": [None, {}]}}
 MARKER: Json = {"type": "later_marker", "generation": 1, "seq": 0, "id": 0, **MORE}
 """A message of a type of that version."""
-CAPABILITY = "later_markers"
 
 
 def of_later(message: Json) -> Json:
@@ -40,7 +37,6 @@ def writes_later(message: Json) -> bytes:
 
 @check(
     "EVO-1",
-    observable="memory is opened, frames are released, requests answered, as of one's own version",
     on={
         CLIENT_IPC: OPENS_HOST_MEMORY,
         CLIENT_MSG: ("hello:msg", "returns:msg"),
@@ -48,45 +44,23 @@ def writes_later(message: Json) -> bytes:
         SERVER_IPC: ("1.1",),  # last, for a camera is moved from a message connection that stays
     },
 )
-def check_speaks_with_later_versions(trial: ClientTrial | ServerTrial, channel: Channel) -> None:
+def check_speaks_with_later_versions(trial: Trial, channel: Channel) -> None:
     """The other side is of a later version: `hello` lists it first, or an init packet names it;
     there are capabilities that nobody knows, every message has members more, and to a client come
     messages of types that nobody knows.
     """
-    if isinstance(trial, ServerTrial):
-        _serves_a_later_client(trial, channel)
-    else:
-        _reads_a_later_server(trial, channel)
-
-
-def _reads_a_later_server(trial: ClientTrial, channel: Channel) -> None:
-    role = trial.role
-    role.welcomes, role.lends_frames = False, channel == "msg"
-    role.encode[channel] = writes_later
-    connection = trial.connection(channel)
-    trial.says_hello(connection)
-    real = trial.facts.capabilities() if channel == "ipc" else declared(trial)
-    role.welcome(connection, capabilities=[CAPABILITY, *real])
-    role.say(connection, MARKER)
-    what = f"a server of version {VERSION} on the {WORDS[channel]} channel"
-    if channel == "msg":
-        judge_agreement(trial, connection, what)
+    what = f"a peer of version {VERSION} on the {WORDS[channel]} channel"
+    listed = ["later_markers", *offered(trial, channel)]
+    if not isinstance(trial, ClientTrial):
+        trial.viewer.encode = writes_later
+        versions = [VERSION, "1.1"]
+        judge_agreement(trial, agreed(trial, channel, listed, what, versions=versions), what)
         return
-    trial.expect(trial.opens(connection), "not-opened", f"{what}: its memory was not opened")
-    for _ in range(3 if "frames" in real else 0):
-        role.say(connection, MARKER)
+    trial.role.encode[channel], trial.role.lends_frames = writes_later, channel == "msg"
+    connection = agreed(trial, channel, listed, what)
+    trial.role.say(connection, MARKER)
+    judge_agreement(trial, connection, what)
+    for _ in range(3 if channel == "ipc" and "frames" in listed else 0):
+        trial.role.say(connection, MARKER)
         given_back = trial.releases(connection, trial.lend(connection))
         trial.expect(given_back, "not-released", f"{what}: a frame was not released")
-    trial.delivered += 1
-
-
-def _serves_a_later_client(trial: ServerTrial, channel: Channel) -> None:
-    trial.viewer.encode = writes_later
-    offered = [CAPABILITY, *trial.viewer.capabilities[channel]]
-    connection, answer = trial.answered(channel, versions=[VERSION, "1.1"], capabilities=offered)
-    what = f"a client of version {VERSION} on the {WORDS[channel]} channel"
-    version = within(answer, "version")
-    trial.expect(version == "1.1", "no-welcome", f"{what} was answered by {answer}")
-    outcome = trial.outcome(connection)
-    trial.judge("accepts" if outcome == "ignores" else outcome, what)
-    connection.close()

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import CLIENT, SERVER, check
-from splatbus_conformance.checks.v1_1.tim_png import ClockReading, expect_one_offset, read_clock
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.clocks import ClockReading, expect_one_offset, read_clock
 from splatbus_conformance.trials.moves.image_session import answers
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS

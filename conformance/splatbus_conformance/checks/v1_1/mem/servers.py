@@ -3,8 +3,8 @@
 import os
 
 from splatbus_conformance.checks import SERVER, check
-from splatbus_conformance.checks.v1_1.neg.servers import named
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
+from splatbus_conformance.trials.moves.agreement import named
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import show
 from splatbus_conformance.wire.messages import says_of

@@ -1,27 +1,27 @@
 """Checks on tokens (spec 1.1 section 2.4): the server is launched with one in its environment."""
 
-import ipaddress
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.checks import SERVER, check
-from splatbus_conformance.checks.v1_0.lim_sec import accepts, addresses
-from splatbus_conformance.checks.v1_1.neg.servers import CHARACTERS, refused
-from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.checks import SERVER, Cases, check
+from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.agreement import CHARACTERS, refused
+from splatbus_conformance.trials.moves.reachable import accepts, addresses, is_loopback
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
-from splatbus_conformance.wire.messages import camera_pose, encode
+from splatbus_conformance.wire.json_values import show, within
+from splatbus_conformance.wire.messages import Json, camera_pose, encode
 from splatbus_conformance.wire.packets import packet
-from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS
 
+ON_ANY = {SERVER: ("1.1",)}
 TOKEN = "a token of the conformance harness"
 EVERYWHERE = "0.0.0.0"
 HELLO_SECONDS: float = LIMITS["hello_seconds"]
+MOST_CHARS: int = LIMITS["max_token_chars"]
 GLANCE_SECONDS = 0.3
 LOOKS = 3
 AGAIN_SECONDS = 3.0
@@ -30,21 +30,29 @@ AGAIN_SECONDS = 3.0
 
 @contextmanager
 def with_token(trial: ServerTrial) -> Iterator[str]:
-    """The server, which requires this token; launched with one, unless it required one before.
+    """The server, which requires this token, and welcomes who says it, in the end as well; launched
+    with one, unless it required one before.
 
     Skips the check where it requires none.
     """
     if trial.facts.guarded and trial.viewer.token:
         yield trial.viewer.token
+        _greet(trial)
         return
     with trial.relaunched(SPLATBUS_TOKEN=TOKEN):
         trial.viewer.token = TOKEN
-        for channel in CHANNELS:
-            trial.greeted(channel)
+        _greet(trial)
         if _welcomes_anyone(trial):
             trial.not_observable("the server requires no token although SPLATBUS_TOKEN names one")
         trial.peer.close_all()
         yield TOKEN
+        _greet(trial)
+
+
+def _greet(trial: ServerTrial) -> None:
+    trial.peer.close_all()
+    for channel in CHANNELS:
+        trial.greeted(channel)
 
 
 def _welcomes_anyone(trial: ServerTrial) -> bool:
@@ -60,37 +68,31 @@ def _welcomes_anyone(trial: ServerTrial) -> bool:
     return False
 
 
-@check(
-    "NEG-12", observable="when a silent connection is closed", on={SERVER: ("1.1",)}, profile="full"
-)
-def check_closes_who_says_no_hello(trial: ServerTrial) -> None:
+@check("NEG-12", on=ON_ANY, given=with_token, profile="full")
+def check_closes_who_says_no_hello(trial: ServerTrial, _: str) -> None:
     """Silence on either channel, requests again and again, and bytes that come one by one, for
     longer than 10 seconds.
     """
-    with with_token(trial):
-        silent = [trial.before_hello(channel) for channel in CHANNELS]
-        asking, stuck = trial.before_hello("msg"), trial.before_hello("ipc")
-        asking.send(packet(encode(VIEWPORT_REQUEST)))
-        stuck.send(packet(encode({"type": "opened", "generation": 1})))
-        waiting = [*silent, asking, stuck]
-        clock = trial.peer.clock
-        until = clock() + HELLO_SECONDS + EFFECT_SECONDS
-        while (left := until - clock()) > 0:
-            if trial.wait(lambda: all(each.ended for each in waiting), min(left, AGAIN_SECONDS)):
-                break
-            asking.send(packet(encode(VIEWPORT_REQUEST)))
-            stuck.send(packet(encode({"type": "opened", "generation": 1}))[:1])
-        for connection in waiting:
-            outcome = "closes" if connection.ended else "waits"
-            trial.judge(outcome, f"{connection.channel}: no hello {HELLO_SECONDS:g} s after accept")
-            trial.delivered += 1
-        for channel in CHANNELS:
-            trial.greeted(channel)
+    silent = [trial.before_hello(channel) for channel in CHANNELS]
+    asking, stuck = trial.before_hello("msg"), trial.before_hello("ipc")
+    request = packet(encode(VIEWPORT_REQUEST))
+    opened = packet(encode({"type": "opened", "generation": 1}))
+    asking.send(request)
+    stuck.send(opened)
+    waiting = [*silent, asking, stuck]
+    clock = trial.peer.clock
+    until = clock() + HELLO_SECONDS + EFFECT_SECONDS
+    while (left := until - clock()) > 0:
+        if trial.wait(lambda: all(each.ended for each in waiting), min(left, AGAIN_SECONDS)):
+            break
+        asking.send(request)
+        stuck.send(opened[:1])
+    for connection in waiting:
+        outcome = "closes" if connection.ended else "waits"
+        trial.judge(outcome, f"{connection.channel}: no hello {HELLO_SECONDS:g} s after accept")
 
 
-@check(
-    "NEG-17", observable="where it listens without a token", on={SERVER: ("1.1",)}, may_crash=True
-)
+@check("NEG-17", on=ON_ANY, may_crash=True)
 def check_listens_on_loopback_without_a_token(trial: ServerTrial) -> None:
     """Launches the server to listen on every address: with a token, as a control, then without."""
     others, ports = addresses(), trial.peer.ports
@@ -112,92 +114,81 @@ def check_listens_on_loopback_without_a_token(trial: ServerTrial) -> None:
     with trial.relaunched(SPLATBUS_HOST=EVERYWHERE, SPLATBUS_TOKEN=""):
         trial.testee.ensure_running()
         trial.peer.until(lambda: trial.fate() or listens(), trial.patience)
-        where = reached()
-        trial.expect(
-            not where, "beyond-loopback", f"it listens on {', '.join(where)} and requires no token"
-        )
+        where = ", ".join(reached())
+        told = f"it listens on {where} and requires no token"
+        trial.expect(not where, "beyond-loopback", told)
         if fate := trial.fate():
             trial.judge(fate, f"told to listen on {EVERYWHERE} without a token")
         elif not listens():
             trial.not_observable("without a token it listens nowhere, and its process goes on")
-    trial.delivered += 1
 
 
-def is_loopback(host: str) -> bool:
-    """Whether a name or address is of this machine only."""
-    return ipaddress.ip_address(socket.gethostbyname(host)).is_loopback
-
-
-@check("NEG-18", observable="what a wrong token is answered", on={SERVER: ("1.1",)})
-def check_refuses_other_tokens(trial: ServerTrial) -> None:
-    """No token, and others that are like the right one or not, on either channel."""
-    drawn = st.text(CHARACTERS, min_size=1, max_size=LIMITS["max_token_chars"])
-    with with_token(trial) as right:
-        others = drawn.filter(right.__ne__)
-        for token in trial.each([None, *near(right)], others, quick=10, full=300):
-            for channel in CHANNELS:
-                expect_refusal(trial, channel, token)
-            trial.delivered += 1
-        for channel in CHANNELS:
-            trial.greeted(channel)
-
-
-def near(token: str) -> list[str]:
-    """Tokens that are not this one, but nearly."""
+def other_tokens(trial: ServerTrial, token: str) -> Cases:
+    """No token, and others that are like this one or not."""
     some = [token[:-1], token + " ", "\x00" + token, token + "\x00", token[0], token.upper()]
     some = [it for it in [*some, token.lower(), token.swapcase()] if it not in ("", token)]
-    return [it for it in dict.fromkeys(some) if len(it) <= LIMITS["max_token_chars"]]
+    near = [it for it in dict.fromkeys(some) if len(it) <= MOST_CHARS]
+    drawn = st.text(CHARACTERS, min_size=1, max_size=MOST_CHARS).filter(token.__ne__)
+    return Cases([None, *near], drawn, quick=10, full=300)
 
 
-def expect_refusal(trial: ServerTrial, channel: Channel, token: str | None) -> None:
-    """A hello with this token is told `unauthorized`, and that is all."""
-    what = f"{channel}: a hello with " + ("no token" if token is None else f"the token {token!r}")
-    connection, _ = refused(trial, channel, "unauthorized", what, token=token)
-    trial.expect(trial.ends(connection), "not-closed", f"{what} was refused, and not closed")
-    packets = len(connection.messages)
-    trial.expect(
-        packets == 1,
-        "further-packet",
-        f"{what} was sent {packets} packets, not unauthorized alone",
-    )
-    connection.close()
+@check("NEG-18", on=ON_ANY, given=with_token, cases=other_tokens)
+def check_refuses_other_tokens(trial: ServerTrial, _: str, token: str | None) -> None:
+    """A hello with another token, on either channel, is told `unauthorized`, and that is all."""
+    for channel in CHANNELS:
+        with_it = "no token" if token is None else f"the token {token!r}"
+        what = f"{channel}: a hello with {with_it}"
+        packets = len(refused(trial, channel, "unauthorized", what, token=token).messages)
+        told = f"{what} was sent {packets} packets, not unauthorized alone"
+        trial.expect(packets == 1, "further-packet", told)
+
+
+@check("NEG-19", on=ON_ANY, given=with_token)
+def check_serves_no_client_of_1_0(trial: ServerTrial, _: str) -> None:
+    """Requests and a pose without `hello`, to a server that requires a token: no reply, and no
+    effect.
+    """
+    for request in trial.each([VIEWPORT_REQUEST, CAMERA_REQUEST, camera_pose()]):
+        connection = trial.before_hello("msg")
+        connection.send(packet(encode(request)))
+        replies = trial.grows(connection, connection.messages, 0, GLANCE_SECONDS)
+        what = f"{request['type']} without hello"
+        trial.expect(not replies, "replies", f"{what} got a reply")
+        outcome = trial.fate() or ("closes" if connection.ended else "ignores")
+        trial.judge(outcome, what)
+        if trial.number < 2 or trial.facts.alone["msg"]:  # who has posed stays
+            connection.close()
+    if trial.facts.renders:
+        seen = trial.sees(trial.reading(), trial.move())
+        told = "after a pose without hello, that of a client with the token failed"
+        trial.expect(seen, "no-frame", told)
+
+
+@check("NEG-33", on=ON_ANY, given=with_token)
+def check_the_token_lets_1_0_in(trial: ServerTrial, _: str) -> None:
+    """A hello with the token that lists 1.0 alone, to a server that requires one; then requests."""
+    connection, answer = trial.answered("msg", versions=["1.0"])
+    if within(answer, "version") != "1.0":
+        trial.not_observable("the server does not agree on 1.0")
+    for request in trial.each([VIEWPORT_REQUEST, CAMERA_REQUEST]):
+        reply = trial.ask(connection, request)
+        what = f"{request['type']} on a connection that said the token and agreed on 1.0"
+        trial.expect(reply is not None, "no-reply", f"{what} was not answered")
 
 
 @check(
-    "NEG-19", observable="what a client of 1.0 gets, and whether it moves", on={SERVER: ("1.1",)}
+    "NEG-36",
+    on=ON_ANY,
+    given=with_token,
+    cases=Cases(
+        [({"client": None}, "invalid_message"), ({"versions": ["4000.0"]}, "unauthorized")]
+    ),
 )
-def check_serves_no_client_of_1_0(trial: ServerTrial) -> None:
-    """Requests and a pose without `hello`, to a server that requires a token."""
-    requests = [VIEWPORT_REQUEST, {"type": "get_camera_pose", "cam_idx": 0}, camera_pose()]
-    with with_token(trial):
-        for request in trial.each(requests):
-            connection = trial.before_hello("msg")
-            connection.send(packet(encode(request)))
-            replies = trial.grows(connection, connection.messages, 0, GLANCE_SECONDS)
-            trial.expect(not replies, "replies", f"{request['type']} without hello got a reply")
-            outcome = trial.fate() or ("closes" if connection.ended else "ignores")
-            trial.judge(outcome, f"{request['type']} without hello")
-            trial.delivered += 1
-            if request is not requests[-1] or trial.facts.alone["msg"]:
-                connection.close()
-        if trial.facts.renders:
-            seen = trial.sees(trial.reading(), trial.move())
-            trial.expect(
-                seen,
-                "no-frame",
-                "after a pose without hello, that of a client with the token failed",
-            )
-
-
-@check("NEG-33", observable="replies to who said the token and speaks 1.0", on={SERVER: ("1.1",)})
-def check_the_token_lets_1_0_in(trial: ServerTrial) -> None:
-    """A hello with the token that lists 1.0 alone, to a server that requires one; then requests."""
-    with with_token(trial):
-        connection, answer = trial.answered("msg", versions=["1.0"])
-        if (answer or {}).get("version") != "1.0":
-            trial.not_observable("the server does not agree on 1.0")
-        for request in trial.each([VIEWPORT_REQUEST, {"type": "get_camera_pose", "cam_idx": 0}]):
-            reply = trial.ask(connection, request)
-            what = f"{request['type']} on a connection that said the token and agreed on 1.0"
-            trial.expect(reply is not None, "no-reply", f"{what} was not answered")
-            trial.delivered += 1
+def check_looks_at_a_hello_in_order(trial: ServerTrial, _: str, case: tuple[Json, str]) -> None:
+    """Without the token: a hello without `client`, and one of a version that nobody speaks."""
+    changes, code = case
+    connection, answer = trial.answered("msg", token=None, **changes)
+    found = within(answer, "code")
+    told = f"a hello without the token and with {show(changes)} was answered by {show(found)}"
+    trial.expect(found == code, "later-fault", told)
+    connection.close()

@@ -224,7 +224,7 @@ def has_room_for_few_capabilities(patch):
 
 @mutant(
     "NEG-9",
-    check="check_ignores_unknown_types_of_the_message_channel",
+    check="check_takes_no_unknown_type_for_a_reply",
     code="closes",
     at=client.TAKES_PAYLOAD,
 )
@@ -249,7 +249,7 @@ def crashes_on_an_escape_in_an_error(patch):
 
 @mutant(
     "NEG-24",
-    check="check_survives_errors_on_the_message_channel",
+    check="check_survives_errors",
     code="dies",
     at=client.TAKES_ERROR,
 )

@@ -125,7 +125,7 @@ def closes_on_unknown_types(original, self, payload):
 
 @mutant(
     "NEG-8",
-    check="check_ignores_unknown_capabilities_of_the_message_channel",
+    check="check_ignores_unknown_capabilities",
     code="closes",
 )
 def refuses_unknown_capabilities_of_the_message_channel(patch):
@@ -136,7 +136,7 @@ def refuses_unknown_capabilities_of_the_message_channel(patch):
 
 @mutant(
     "NEG-8",
-    check="check_ignores_unknown_capabilities_of_the_message_channel",
+    check="check_ignores_unknown_capabilities",
     code="not-agreed",
 )
 def overlooks_a_welcome_with_unknown_capabilities(patch):
@@ -155,7 +155,7 @@ def _on_unknown_capabilities(patch, event):
 
 @mutant(
     "NEG-9",
-    check="check_ignores_unknown_types_of_the_message_channel",
+    check="check_ignores_unknown_types",
     code="closes",
     at=client.TAKES_PAYLOAD,
 )
@@ -247,7 +247,12 @@ def crashes_on_an_error(original, payload):
     return crash() if isinstance(message, ErrorMessage) else message
 
 
-@mutant("NEG-24", check="check_survives_errors", code="dies", at=client.READS_MESSAGE)
+@mutant(
+    "NEG-24",
+    check="check_survives_errors_in_place_of_replies",
+    code="dies",
+    at=client.READS_MESSAGE,
+)
 def crashes_on_an_error_in_place_of_a_reply(original, payload, request):
     """Crashes on an `error` on the message channel."""
     message = original(payload, request)

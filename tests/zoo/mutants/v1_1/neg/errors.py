@@ -200,7 +200,7 @@ def server_ignores_broken_hellos(original, self, error, now):
     return original(self, error, now)
 
 
-@mutant("NEG-35", check="check_refuses_broken_hellos", code="waits", at=server.ENDS_CONNECTION)
+@mutant("NEG-35", check="check_refuses_broken_hellos", code="not-closed", at=server.ENDS_CONNECTION)
 def server_forgives_broken_hellos(original, self, reason, now):
     """Reports a broken `hello`, and waits for a better one."""
     if "NEG-35" not in reason:

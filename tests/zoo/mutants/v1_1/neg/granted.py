@@ -207,7 +207,7 @@ def tags_to_a_1_0_server(original, message, *agreed):
 
 @mutant(
     "NEG-24",
-    check="check_survives_errors_on_the_message_channel",
+    check="check_survives_errors_in_place_of_replies",
     code="dies",
     at=client.TAKES_ERROR,
 )
