@@ -61,7 +61,7 @@ def reads(trial: ClientTrial, image: DeviceImage) -> bool:
     return trial.uses(lambda: image.is_read_whole(trial.calls()))
 
 
-@check("BUF-11", observable="the calls that copy, and those that wait", on={CLIENT: RETURNS})
+@check("BUF-11", on={CLIENT: RETURNS})
 def check_waits_for_the_event(trial: ClientTrial) -> None:
     """The event of the image is pending for a third of a second, and the memory is poison until it
     is done; before each copy of the same bytes the stream, or the host, must wait.
@@ -83,10 +83,9 @@ def check_waits_for_the_event(trial: ClientTrial) -> None:
         for call in usage.unwaited(trial.stand_in.calls()):
             if call.memory in image.names:
                 trial.violated("not-waited", f"its stream did not wait for the event before {call}")
-        trial.delivered += 1
 
 
-@check("CUD-2", observable="the calls that open handles", on={CLIENT: RETURNS})
+@check("CUD-2", on={CLIENT: RETURNS})
 def check_opens_each_handle_once(trial: ClientTrial) -> None:
     """Colour and depth in one allocation, then in two, then in one again on a new connection, and
     in one where depth comes first.
@@ -101,10 +100,9 @@ def check_opens_each_handle_once(trial: ClientTrial) -> None:
             expect_read(trial, shown)
             for call in usage.opened_again(trial.calls()):
                 trial.violated("opened-again", f"it had the memory open when it called {call}")
-            trial.delivered += 1
 
 
-@check("CUD-5", observable="the calls that close and destroy", on={CLIENT: RETURNS})
+@check("CUD-5", on={CLIENT: RETURNS})
 def check_gives_memory_back(trial: ClientTrial) -> None:
     """The connection is closed, then reset, while the testee reads; it is given 5 seconds."""
     for end in ("close", "reset"):
@@ -127,7 +125,6 @@ def check_gives_memory_back(trial: ClientTrial) -> None:
                     "closed-while-reading",
                     f"it had not seen its copies finish when it called {call}",
                 )
-            trial.delivered += 1
 
 
 def held(trial: ClientTrial, image: DeviceImage) -> list[str]:
@@ -136,7 +133,7 @@ def held(trial: ClientTrial, image: DeviceImage) -> list[str]:
     return [words[name] for _, name in usage.held(trial.calls()) if name in words]
 
 
-@check("CUD-6", observable="the current device when handles are opened", on={CLIENT: RETURNS})
+@check("CUD-6", on={CLIENT: RETURNS})
 def check_opens_on_the_device_named(trial: ClientTrial) -> None:
     """`meta.device` is 1, then absent, then 0; there are two devices."""
     for named, device in ((1, 1), (ABSENT, 0), (0, 0)):
@@ -151,7 +148,6 @@ def check_opens_on_the_device_named(trial: ClientTrial) -> None:
                     "another-device",
                     f"meta.device is {what}; it called {call}",
                 )
-            trial.delivered += 1
 
 
 def _opens(call: Call, image: DeviceImage) -> bool:
@@ -160,7 +156,7 @@ def _opens(call: Call, image: DeviceImage) -> bool:
     return event or bool(call.opened and call.memory in image.names)
 
 
-@check("CHN-10", observable="the IPC connection, and the calls that copy", on={CLIENT: RETURNS})
+@check("CHN-10", on={CLIENT: RETURNS})
 def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
     """The testee reads; its connection is watched for half a second, and until it reads again."""
     with image_of(trial) as image:
@@ -174,12 +170,9 @@ def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
         trial.expect(
             not connection.ended, "closes", "it reads on after it closed the IPC connection"
         )
-        trial.delivered += 1
 
 
-@check(
-    "CHN-18", observable="the calls that copy, after the connection has ended", on={CLIENT: RETURNS}
-)
+@check("CHN-18", on={CLIENT: RETURNS})
 def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
     """The connection is closed while the testee reads, and no further init packet comes; whoever
     has not given the memory back after 5 seconds must at least have stopped to read it.
@@ -196,10 +189,9 @@ def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
             trial.violated(
                 "stale-memory", f"{EFFECT_SECONDS:g} s after its connection ended it called {call}"
             )
-        trial.delivered += 1
 
 
-@check("CHN-24", observable="what is copied after a new connection", on={CLIENT: RETURNS})
+@check("CHN-24", on={CLIENT: RETURNS})
 def check_reads_the_new_memory(trial: ClientTrial) -> None:
     """The server comes back with memory of another size; that of before is there, and must not be
     read any more.
@@ -216,7 +208,6 @@ def check_reads_the_new_memory(trial: ClientTrial) -> None:
             trial.violated(
                 "stale-memory", f"on the new connection it called {call} on the memory of before"
             )
-        trial.delivered += 1
 
 
 LAYOUTS = (
@@ -229,7 +220,7 @@ LAYOUTS = (
 )
 
 
-@check("INI-8", observable="the bytes that the testee copies", on={CLIENT: RETURNS})
+@check("INI-8", on={CLIENT: RETURNS})
 def check_reads_what_the_packet_names(trial: ClientTrial) -> None:
     """Offsets absent and present, planes in one allocation or two, sizes at both ends of their
     range; the colour must be copied from where it lies, whole.
@@ -245,4 +236,3 @@ def check_reads_what_the_packet_names(trial: ClientTrial) -> None:
                     "outside-the-image",
                     f"with {what} it copied what is no image: {call}",
                 )
-            trial.delivered += 1

@@ -48,7 +48,6 @@ def frames(trial: ClientTrial, quick: int, full: int) -> Iterator[tuple[Json, Js
         }
         trial.role.encode["ipc"] = _reversed if is_reversed else _plain
         yield said, _made_of(trial, lender, number, said)
-        trial.delivered += 1
 
 
 def _id(placed: tuple[str, Any, float]) -> str:
@@ -90,14 +89,14 @@ def judge_pose(trial: ClientTrial, kind: Kind, said: Json, told: Json, what: str
         trial.violated("another-pose", f"{what} at {wire} was taken to be at {taken}: {reason}")
 
 
-@check("IMG-26", observable=OBSERVABLE, on={CLIENT: TOLD})
+@check("IMG-26", on={CLIENT: TOLD})
 def check_understands_the_cameras_of_frames(trial: ClientTrial) -> None:
     """Frames of cameras near every edge of what is allowed."""
     for said, told in frames(trial, 20, 400):
         judge_pose(trial, "camera_pose", said["camera"], told["camera"], "the camera of a frame")
 
 
-@check("IMG-26", observable=OBSERVABLE, on={CLIENT: TOLD})
+@check("IMG-26", on={CLIENT: TOLD})
 def check_understands_the_objects_of_frames(trial: ClientTrial) -> None:
     """Frames that list up to three objects, each with a pose and a scale."""
     for said, told in frames(trial, 20, 400):
@@ -111,7 +110,7 @@ def check_understands_the_objects_of_frames(trial: ClientTrial) -> None:
             judge_pose(trial, "point_cloud_pose", it, taken[name], f"object {name!r} of a frame")
 
 
-@check("ACC-14", observable=OBSERVABLE, on={CLIENT: TOLD})
+@check("ACC-14", on={CLIENT: TOLD})
 def check_takes_the_numbers_of_frames(trial: ClientTrial) -> None:
     """Lenses, sizes, clipping planes, times and scales, to the last bit that the client holds."""
     for said, told in frames(trial, 20, 400):
