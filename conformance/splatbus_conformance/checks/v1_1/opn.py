@@ -12,6 +12,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
+from splatbus_conformance.cases.malformed.handles import UNKNOWN_HANDLE
 from splatbus_conformance.cases.malformed.init_packets import ABSENT, ROOM, changed
 from splatbus_conformance.cases.shrinking import without_one
 from splatbus_conformance.cases.valid.init_packets import SEMANTICS, layouts
@@ -27,10 +28,13 @@ from splatbus_conformance.checks import (
     check,
 )
 from splatbus_conformance.checks.v1_0.cud.servers import announced, expect_kept
+from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
+from splatbus_conformance.images.memory.device import STAND_IN
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves import resizing
+from splatbus_conformance.trials.moves.frame_lender import OPENS_DEVICE, ring_on_device
 from splatbus_conformance.trials.moves.frame_readers import (
     LENDS,
     answer_and_leave,
@@ -61,6 +65,7 @@ from splatbus_conformance.wire.sockets import Connection
 TAKES_FURTHER = (*OPENS_HOST_MEMORY, "capability:reinit")
 SETTLE_SECONDS = 0.05
 """Between the end of a connection and the end of a process that died."""
+NOBODY = "GPU-00000000-0000-4000-8000-00000000dead"
 LONGEST_NAME = "🙂" * LIMITS["max_name_chars"]
 SAFE: int = LIMITS["max_safe_integer"]
 GONE_SECONDS = 2.0
@@ -121,6 +126,55 @@ def check_answers_each_init_packet_once(trial: ClientTrial) -> None:
             trial.expect(
                 not twice, "answered-twice", f"answers more than one, by generation: {twice}"
             )
+
+
+@check("OPN-1", on={CLIENT: OPENS_DEVICE}, given=ring_on_device)
+def check_opens_device_memory(trial: ClientTrial, _: DeviceRing) -> None:
+    """A ring whose allocation, events and device are there: a client that declares `cuda_ipc` is
+    able to open it, once and again on the next connection.
+    """
+    for _again in range(2):
+        connection = trial.greeted("ipc")
+        opened, heard = trial.opens(connection), trial.role.with_(connection).heard
+        failed = [it.get("reason") for it in heard if it.get("type") == "open_failed"]
+        reason = failed[0] if failed else "it did not answer"
+        trial.expect(
+            opened,
+            "open-failed" if failed else "no-reply",
+            f"it did not open good device memory: {reason}",
+        )
+
+
+def unusable(trial: ClientTrial, ring: DeviceRing) -> Cases:
+    """What of a good init packet names something else, which is not there."""
+    assert trial.device is not None, "a check of device memory needs a device"
+    # Freed while the other is there, which could otherwise have its place, and its handle.
+    gone = DeviceRing(trial.device, trial.role.width, trial.role.height, trial.role.slots)
+    freed = gone.init_packet(1)
+    gone.free()
+    events = ring.init_packet(1)["ring"]["events"]
+    found: list[tuple[str, Json]] = [
+        ("an unknown handle of memory", {"memory/handle": UNKNOWN_HANDLE}),
+        ("an unknown handle of an event", {"ring/events": [*events[:-1], UNKNOWN_HANDLE]}),
+        ("memory that was freed", {"memory": freed["memory"], "ring": freed["ring"]}),
+    ]
+    if trial.facts.device != STAND_IN:
+        found.append(("a device that is not there", {"memory/deviceUuid": NOBODY}))
+    return Cases(found)
+
+
+@check("INI-13", on={CLIENT: OPENS_DEVICE}, given=ring_on_device, cases=unusable, may_crash=True)
+def check_goes_on_without_device_memory(
+    trial: ClientTrial, ring: DeviceRing, case: tuple[str, Json]
+) -> None:
+    """A device that is not there (on a GPU: the stand-in tells nobody its UUID), memory that was
+    freed, handles that the driver does not know.
+    """
+    what, changes = case
+    trial.role.offers_memory = False
+    outcome = outcome_of(trial, changed(ring.init_packet(1), changes))
+    meaning = {"ignores": "waits", "declines": "waits", "closes": "reconnects"}
+    trial.judge(meaning.get(outcome, outcome), f"an init packet with {what}")
 
 
 @check("OPN-2", on={CLIENT: OPENS_HOST_MEMORY})

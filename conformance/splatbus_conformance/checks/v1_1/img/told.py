@@ -10,14 +10,12 @@ from hypothesis import strategies as st
 
 from splatbus_conformance.cases.valid.poses import Pose, poses
 from splatbus_conformance.checks import CLIENT, check
-from splatbus_conformance.checks.v1_1.img.adapter import READS
 from splatbus_conformance.images.painted import coordinates
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.frame_lender import FrameLender
+from splatbus_conformance.trials.moves.frame_lender import READS, FrameLender
 from splatbus_conformance.trials.moves.pose_error import Kind, engine_of, misread, why
 from splatbus_conformance.wire.messages import Json, encode
 
-OBSERVABLE = "what the client made of the frame of its newest image, told by the adapter"
 TOLD = (*READS, "adapter:frame")
 IDS = ("default", "ball", "a", "chair 1", "\u00e9t\u00e9", "\U0001f600")
 NUMBERS = ("fx", "fy", "cx", "cy", "width", "height", "near", "far")
