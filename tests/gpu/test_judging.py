@@ -6,11 +6,13 @@ import shlex
 import sys
 
 import pytest
-from splatbus_conformance.checks.v1_0.buf import clients as client_images
+from splatbus_conformance.checks.v1_0.buf import clients as events
 from splatbus_conformance.checks.v1_0.buf import servers as images
 from splatbus_conformance.checks.v1_0.buf import servers_device
 from splatbus_conformance.checks.v1_0.cnv import servers as views
-from splatbus_conformance.checks.v1_1.img import clients_shown
+from splatbus_conformance.checks.v1_0.cud import clients as device
+from splatbus_conformance.checks.v1_1 import opn
+from splatbus_conformance.checks.v1_1.img import reading
 from splatbus_conformance.checks.v1_1.mem import device as device_opening
 from splatbus_conformance.plan import Plan
 
@@ -20,7 +22,11 @@ from tests.gpu import require_gpu
 
 require_gpu()
 
-CLIENT = checks_in(client_images, clients_shown)
+CLIENT = {
+    name: check
+    for name, check in checks_in(events, device, opn, reading).items()
+    if check.side == "client" and "device" in check.needs
+}
 SERVER = checks_in(servers_device, device_opening, images)
 
 
@@ -44,14 +50,14 @@ def test_the_reference_client_conforms():
 @pytest.mark.parametrize(
     ("defect", "check", "why"),
     [
-        ("no-wait", "check_shows_a_frame_after_its_event", "before the event of slot 1"),
-        ("no-wait", "check_shows_no_image_before_its_event", "while the event was pending"),
-        ("next-slot", "check_releases_when_it_has_read_the_device", "while nobody was to read it"),
-        ("next-slot", "check_shows_a_frame_after_its_event", "while nobody was to read it"),
-        ("beside", "check_releases_when_it_has_read_the_device", "of no image whole"),
+        ("no-wait", "check_reads_a_frame_after_its_event", "before the event of slot 1"),
+        ("no-wait", "check_reads_no_image_before_its_event", "while the event was pending"),
+        ("next-slot", "check_releases_when_it_has_read", "while nobody was to read it"),
+        ("next-slot", "check_reads_a_frame_after_its_event", "while nobody was to read it"),
+        ("beside", "check_releases_when_it_has_read", "of no image whole"),
         ("any-device", "check_goes_on_without_device_memory", "took it as valid"),
         ("any-device", "check_opens_nothing_on_another_device", "on device 99"),
-        ("too-early", "check_releases_when_it_has_read_the_device", "before it was read"),
+        ("too-early", "check_releases_when_it_has_read", "before it was read"),
     ],
 )
 def test_a_client_with_a_defect_is_failed(defect, check, why):

@@ -24,8 +24,10 @@ OPENS_HOST_MEMORY = (*DECLARES_HOST_MEMORY, "opens")
 Needs = tuple[str, ...]
 
 
-Place = Channel | Literal["host", "device"]
-"""A channel, or the memory in which images are."""
+Place = Channel | Literal["host", "device", "calls"]
+"""A channel, or the memory in which images are: `calls` is that of a device too, where its use is
+seen by the calls of the stand-in CUDA runtime.
+"""
 
 
 class End(NamedTuple):
@@ -37,6 +39,7 @@ class End(NamedTuple):
 
 CLIENT, SERVER = End("client"), End("server")
 CLIENT_HOST, CLIENT_DEVICE = End("client", "host"), End("client", "device")
+CLIENT_CALLS = End("client", "calls")
 SERVER_HOST, SERVER_DEVICE = End("server", "host"), End("server", "device")
 CLIENT_IPC, CLIENT_MSG = End("client", "ipc"), End("client", "msg")
 SERVER_IPC, SERVER_MSG = End("server", "ipc"), End("server", "msg")

@@ -43,6 +43,7 @@ PLACES = {
     "msg": "the msg channel",
     "host": "memory of the host",
     "device": "memory of the device",
+    "calls": "the calls for memory of the device",
 }
 NOTHING_PROVEN = "nothing was delivered that the testee was seen to take"
 BROKEN = (Verdict.FAIL, Verdict.WARN)

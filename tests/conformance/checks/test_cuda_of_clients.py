@@ -6,9 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from splatbus_conformance.checks.v1_0.buf import clients as events
 from splatbus_conformance.checks.v1_0.cud import clients as device
 from splatbus_conformance.checks.v1_0.ini import device as device_packets
-from splatbus_conformance.checks.v1_1.img import clients_device
+from splatbus_conformance.checks.v1_1.img import clients as releases
+from splatbus_conformance.checks.v1_1.img import reading
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.device_listener import DeviceListener
 from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
@@ -21,7 +23,17 @@ pytestmark = pytest.mark.apart
 
 MINIATURES = Path(__file__).parents[1] / "miniatures"
 OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_client.py", MINIATURES / "cuda_frames.py"
-CHECKS = {OF_IMAGES: checks_in(device, device_packets), OF_FRAMES: checks_in(clients_device)}
+OF_A_RING = (
+    "check_releases_each_frame_once",
+    "check_reads_a_frame_after_its_event",
+    "check_releases_when_it_has_read",
+    "check_reads_only_what_it_holds",
+)
+OF_ANY_MEMORY = checks_in(releases, reading)
+CHECKS = {
+    OF_IMAGES: checks_in(events, device, device_packets),
+    OF_FRAMES: {name: OF_ANY_MEMORY[name] for name in OF_A_RING},
+}
 ALL_CHECKS = CHECKS[OF_IMAGES] | CHECKS[OF_FRAMES]
 
 
@@ -35,27 +47,27 @@ BROKEN = {
     "does not wait for the event": (
         'cuda("StreamWaitEvent", self.stream, self.event, 0)',
         "pass",
-        "check_waits_for_the_event",
+        "check_reads_no_image_before_its_event",
         "while the event was pending it called",
     ),
     "waits for the event once": (
         'cuda("StreamWaitEvent", self.stream, self.event, 0)',
         'hasattr(self, "waited") or cuda("StreamWaitEvent", self.stream, self.event, 0)\n'
         "        self.waited = True",
-        "check_waits_for_the_event",
+        "check_reads_no_image_before_its_event",
         "its stream did not wait for the event before cudaMemcpy2DAsync",
     ),
     "waits on another stream": (
         'cuda("StreamWaitEvent", self.stream, self.event, 0)',
         'cuda("StreamWaitEvent", None, self.event, 0)',
-        "check_waits_for_the_event",
+        "check_reads_no_image_before_its_event",
         "its stream did not wait for the event before cudaMemcpy2DAsync",
     ),
     "copies depth on a stream that waits for nothing": (
         "DEVICE_TO_HOST, self.stream)",
         'DEVICE_TO_HOST, made("StreamCreateWithFlags", NON_BLOCKING)'
         ' if what == "depth" else self.stream)',
-        "check_waits_for_the_event",
+        "check_reads_no_image_before_its_event",
         "its stream did not wait for the event before cudaMemcpy2DAsync",
     ),
     "opens the handle of depth again by its offset": (
@@ -105,6 +117,12 @@ BROKEN = {
         "check_opens_on_the_device_named",
         "meta.device is 1; it called cudaIpcOpenMemHandle",
     ),
+    "opens on device 0 whatever is named": (
+        'cuda("SetDevice", int(meta.get("device", 0)))',
+        "pass",
+        "check_opens_nothing_on_another_device",
+        "it reads an image that is said to lie on device 99",
+    ),
     "opens the event on device 0 always": (
         'self.event = made("IpcOpenEventHandle"',
         'cuda("SetDevice", 0)\n            self.event = made("IpcOpenEventHandle"',
@@ -145,13 +163,13 @@ BROKEN = {
         'meta.get(f"offset{what}", 0)',
         'meta.get(f"offset{what}", 16)',
         "check_reads_what_the_packet_names",
-        "an init packet with no offsets: reading the colour whole",
+        "an init packet with no offsets: reading the image whole",
     ),
     "ignores offsets": (
         'begin = base + int(meta.get(f"offset{what}", 0))',
         "begin = base",
         "check_reads_what_the_packet_names",
-        "an init packet with depth before colour in one allocation: reading the colour whole",
+        "an init packet with depth before colour in one allocation: reading the image whole",
     ),
     "does not look at the pitch": (
         'whole(meta["pitchColor"], 16 * w, 16 * w)',
@@ -231,38 +249,38 @@ BROKEN = {
     "does not wait for the event of the slot": (
         'cuda("StreamWaitEvent", self.stream, self.events[slot], 0)',
         "pass",
-        "check_waits_for_the_event_of_the_slot",
+        "check_reads_a_frame_after_its_event",
         "was pending when it called cudaMemcpyAsync",
     ),
     "waits for the event of the first slot always": (
         "self.events[slot], 0)",
         "self.events[0], 0)",
-        "check_waits_for_the_event_of_the_slot",
+        "check_reads_a_frame_after_its_event",
         "was pending when it called cudaMemcpyAsync",
     ),
     "releases every other frame": (
         'send(sock, {"type": "release", **release})',
         'send(sock, {"type": "release", **release}) if message["slot"] else None',
-        "check_releases_each_frame_of_the_device",
+        "check_releases_each_frame_once",
         "was not released within 5 s",
     ),
     "releases what it still reads": (
         '        cuda("StreamSynchronize", self.stream)\n\n',
         "\n",
-        "check_releases_after_its_copies_have_finished",
+        "check_releases_when_it_has_read",
         "frame 1 was released before the host saw the end of cudaMemcpyAsync",
     ),
     "reads once more after the release": (
         'send(sock, {"type": "release", **release})',
         'send(sock, {"type": "release", **release}); __import__("time").sleep(0.05); '
         'reader.read(message["slot"])',
-        "check_reads_no_slot_without_a_lease",
+        "check_reads_only_what_it_holds",
         "without a lease of slot",
     ),
     "reads the slot before": (
         'reader.read(message["slot"])',
         'reader.read(message["slot"] - 1)',
-        "check_reads_no_slot_without_a_lease",
+        "check_reads_only_what_it_holds",
         "without a lease of slot",
     ),
 }

@@ -2,6 +2,7 @@
 
 from typing import NoReturn
 
+from splatbus_conformance.images.memory.reading import Opened
 from splatbus_conformance.trials.controls import shows
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
@@ -52,6 +53,19 @@ def pause_for_an_image(trial: ServerTrial, least: float) -> float:
 def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:
     """The frames that came on a connection; the list grows."""
     return trial.viewer.with_(connection).frames
+
+
+def memory_of(trial: ServerTrial, reader: Connection) -> Opened:
+    """What a reader has open."""
+    memory = trial.viewer.with_(reader).memory
+    if memory is None:
+        trial.not_observable("a reader has no memory open")
+    return memory
+
+
+def contents(memory: Opened, slot: int) -> tuple[bytes, bytes]:
+    """The colour and the depth of the image in a slot."""
+    return memory.color(slot).tobytes(), memory.depth(slot).tobytes()
 
 
 def holding(trial: ServerTrial) -> tuple[Connection, Json]:

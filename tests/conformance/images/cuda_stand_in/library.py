@@ -135,7 +135,7 @@ def judged(
 
 
 def findings_of(plan: Plan, checks: Mapping[str, Check]) -> dict[str, str]:
-    """What each of these checks finds: an empty text for a pass."""
+    """What each of these checks finds: an empty text for a pass, wherever it can be tried."""
     testbed = set_up(plan)
     found = {}
     try:
@@ -147,6 +147,9 @@ def findings_of(plan: Plan, checks: Mapping[str, Check]) -> dict[str, str]:
             try:
                 check.play(trial)
                 assert trial.delivered
+                tried = check.shown_at(testbed.facts)
+                unseen = [why for place, why in trial.unseen.items() if not tried[place]]
+                found[name] = "".join(f"skipped: {why}" for why in unseen)
             except Violation as violation:
                 found[name] = str(violation)
             except NotObservable as skipped:

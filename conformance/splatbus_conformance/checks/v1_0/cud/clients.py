@@ -1,92 +1,31 @@
-"""Checks on what a client does with device memory (spec 1.0 chapters 3 to 5).
-
-The stand-in CUDA runtime tells what the client called; the harness plays a server of 1.0.
+"""Checks on what a client does with device memory (spec 1.0 chapters 3 to 5), where the harness
+plays a server of 1.0.
 """
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 from splatbus_conformance.cases.malformed.init_packets import ABSENT, changed
-from splatbus_conformance.checks import CLIENT, check
+from splatbus_conformance.checks import CLIENT, CLIENT_CALLS, CLIENT_DEVICE, Cases, Place, check
 from splatbus_conformance.images.memory.cuda_stand_in import usage
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.shown_image import (
+    BY_CALLS,
+    BY_DIGEST,
+    expect_read,
+    image_of,
+    is_shown,
+    reads,
+    show,
+)
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, SETTLE_SECONDS
-from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.sockets import Connection
 
-RETURNS = ("stand-in", "returns:ipc")
-PENDING_SECONDS = 0.3
+EITHER = {CLIENT_DEVICE: BY_DIGEST, CLIENT_CALLS: BY_CALLS}
 WATCHED_SECONDS = 0.5
+NOWHERE = 99
+"""Number of a device that there is not."""
 
 
-@contextmanager
-def image_of(
-    trial: ClientTrial, width: int = 64, height: int = 48, layout: PlaneOffsets | None = None
-) -> Iterator[DeviceImage]:
-    """An image in device memory, drawn, with its event complete.
-
-    In the end it is freed, after the connections that may know of it (CUD-4).
-    """
-    assert trial.device is not None, "a check of device memory needs a device"
-    image = DeviceImage(trial.device, width, height, layout)
-    try:
-        image.draw(1)
-        image.event.begin()
-        image.event.complete()
-        yield image
-    finally:
-        trial.role.offers_memory = False
-        for connection in trial.peer.connections:
-            if connection.channel == "ipc":
-                connection.close()
-        image.free()
-
-
-def show(trial: ClientTrial, offered: Json) -> Connection:
-    """A new IPC connection on which a server of 1.0 sends this init packet, as on those after."""
-    trial.role.speaks, trial.role.device_packet, trial.role.offers_memory = "1.0", offered, True
-    return trial.connection("ipc")
-
-
-def expect_read(trial: ClientTrial, image: DeviceImage) -> None:
-    """The check goes on only with a client that reads all of the colour that it is shown."""
-    if not reads(trial, image):
-        trial.not_observable("the testee did not read the image in good device memory")
-
-
-def reads(trial: ClientTrial, image: DeviceImage) -> bool:
-    """Whether the testee reads the whole colour as it was drawn."""
-    return trial.uses(lambda: image.is_read_whole(trial.calls()))
-
-
-@check("BUF-11", observable="the calls that copy, and those that wait", on={CLIENT: RETURNS})
-def check_waits_for_the_event(trial: ClientTrial) -> None:
-    """The event of the image is pending for a third of a second, and the memory is poison until it
-    is done; before each copy of the same bytes the stream, or the host, must wait.
-    """
-    with image_of(trial) as image:
-        image.event.begin()
-        for plane in image.planes.values():
-            plane.memory.poison()
-        show(trial, image.init_packet())
-        trial.uses(lambda: image.opened(trial.calls()))
-        trial.rest(PENDING_SECONDS)
-        for call in image.copies(trial.calls()):
-            trial.violated("read-before-event", f"while the event was pending it called {call}")
-        image.draw(2)
-        image.event.complete()
-        expect_read(trial, image)
-        trial.rest(REACTION_SECONDS)
-        assert trial.stand_in is not None
-        for call in usage.unwaited(trial.stand_in.calls()):
-            if call.memory in image.names:
-                trial.violated("not-waited", f"its stream did not wait for the event before {call}")
-        trial.delivered += 1
-
-
-@check("CUD-2", observable="the calls that open handles", on={CLIENT: RETURNS})
+@check("CUD-2", on={CLIENT: BY_CALLS})
 def check_opens_each_handle_once(trial: ClientTrial) -> None:
     """Colour and depth in one allocation, then in two, then in one again on a new connection, and
     in one where depth comes first.
@@ -101,10 +40,9 @@ def check_opens_each_handle_once(trial: ClientTrial) -> None:
             expect_read(trial, shown)
             for call in usage.opened_again(trial.calls()):
                 trial.violated("opened-again", f"it had the memory open when it called {call}")
-            trial.delivered += 1
 
 
-@check("CUD-5", observable="the calls that close and destroy", on={CLIENT: RETURNS})
+@check("CUD-5", on={CLIENT: BY_CALLS})
 def check_gives_memory_back(trial: ClientTrial) -> None:
     """The connection is closed, then reset, while the testee reads; it is given 5 seconds."""
     for end in ("close", "reset"):
@@ -127,7 +65,6 @@ def check_gives_memory_back(trial: ClientTrial) -> None:
                     "closed-while-reading",
                     f"it had not seen its copies finish when it called {call}",
                 )
-            trial.delivered += 1
 
 
 def held(trial: ClientTrial, image: DeviceImage) -> list[str]:
@@ -136,7 +73,7 @@ def held(trial: ClientTrial, image: DeviceImage) -> list[str]:
     return [words[name] for _, name in usage.held(trial.calls()) if name in words]
 
 
-@check("CUD-6", observable="the current device when handles are opened", on={CLIENT: RETURNS})
+@check("CUD-6", on={CLIENT: BY_CALLS})
 def check_opens_on_the_device_named(trial: ClientTrial) -> None:
     """`meta.device` is 1, then absent, then 0; there are two devices."""
     for named, device in ((1, 1), (ABSENT, 0), (0, 0)):
@@ -151,7 +88,6 @@ def check_opens_on_the_device_named(trial: ClientTrial) -> None:
                     "another-device",
                     f"meta.device is {what}; it called {call}",
                 )
-            trial.delivered += 1
 
 
 def _opens(call: Call, image: DeviceImage) -> bool:
@@ -160,7 +96,7 @@ def _opens(call: Call, image: DeviceImage) -> bool:
     return event or bool(call.opened and call.memory in image.names)
 
 
-@check("CHN-10", observable="the IPC connection, and the calls that copy", on={CLIENT: RETURNS})
+@check("CHN-10", on={CLIENT: BY_CALLS})
 def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
     """The testee reads; its connection is watched for half a second, and until it reads again."""
     with image_of(trial) as image:
@@ -174,12 +110,9 @@ def check_keeps_the_ipc_connection_while_it_reads(trial: ClientTrial) -> None:
         trial.expect(
             not connection.ended, "closes", "it reads on after it closed the IPC connection"
         )
-        trial.delivered += 1
 
 
-@check(
-    "CHN-18", observable="the calls that copy, after the connection has ended", on={CLIENT: RETURNS}
-)
+@check("CHN-18", on={CLIENT: BY_CALLS})
 def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
     """The connection is closed while the testee reads, and no further init packet comes; whoever
     has not given the memory back after 5 seconds must at least have stopped to read it.
@@ -196,27 +129,55 @@ def check_leaves_the_buffers_of_an_ended_connection(trial: ClientTrial) -> None:
             trial.violated(
                 "stale-memory", f"{EFFECT_SECONDS:g} s after its connection ended it called {call}"
             )
-        trial.delivered += 1
 
 
-@check("CHN-24", observable="what is copied after a new connection", on={CLIENT: RETURNS})
-def check_reads_the_new_memory(trial: ClientTrial) -> None:
+@check("CHN-24", on=EITHER)
+def check_reads_the_new_memory(trial: ClientTrial, place: Place) -> None:
     """The server comes back with memory of another size; that of before is there, and must not be
     read any more.
     """
     with image_of(trial) as old, image_of(trial, 31, 17) as new:
+        new.draw(2)
         show(trial, old.init_packet())
-        expect_read(trial, old)
+        expect_read(trial, old, place)
         show(trial, new.init_packet())
-        outcome = "accepts" if reads(trial, new) else trial.fate() or "ignores"
+        outcome = "accepts" if reads(trial, new, place) else trial.fate() or "ignores"
         trial.judge(outcome, "memory of 31x17 after a reconnect")
         before = len(old.copies(trial.calls()))
+        old.draw(3)
         trial.rest(REACTION_SECONDS)
+        if place == "device":
+            stale = is_shown(trial, old.painting().digests())
+            what = "it shows an image in memory of a connection that has ended"
+            trial.expect(not stale, "stale-memory", what)
         for call in old.copies(trial.calls())[before:]:
-            trial.violated(
-                "stale-memory", f"on the new connection it called {call} on the memory of before"
+            what = f"on the new connection it called {call} on the memory of before"
+            trial.violated("stale-memory", what)
+
+
+@check("CUD-6", on=EITHER, may_crash=True)
+def check_opens_nothing_on_another_device(trial: ClientTrial, place: Place) -> None:
+    """`meta.device` names a device that is not there, in a packet that is good otherwise; where it
+    is absent, it is device 0.
+    """
+    assert trial.device is not None, "a check of device memory needs a device"
+    with image_of(trial) as good, image_of(trial) as elsewhere:
+        show(trial, good.init_packet())
+        expect_read(trial, good, place)
+        elsewhere.draw(7)
+        show(trial, changed(elsewhere.init_packet(), {"meta/device": NOWHERE}))
+        trial.expect(
+            not reads(trial, elsewhere, place, 5 * REACTION_SECONDS),
+            "another-device",
+            f"it reads an image that is said to lie on device {NOWHERE}",
+        )
+        if trial.device.ordinal == 0:
+            show(trial, changed(elsewhere.init_packet(), {"meta/device": ABSENT}))
+            trial.expect(
+                reads(trial, elsewhere, place),
+                "default-not-applied",
+                "it does not take an absent meta.device for 0",
             )
-        trial.delivered += 1
 
 
 LAYOUTS = (
@@ -229,20 +190,26 @@ LAYOUTS = (
 )
 
 
-@check("INI-8", observable="the bytes that the testee copies", on={CLIENT: RETURNS})
-def check_reads_what_the_packet_names(trial: ClientTrial) -> None:
+def seen_reading(trial: ClientTrial, place: Place) -> None:
+    """A good image is read: what is not read after it is not understood."""
+    with image_of(trial) as image:
+        show(trial, image.init_packet())
+        expect_read(trial, image, place)
+
+
+@check("INI-8", on=EITHER, given=seen_reading, cases=Cases(LAYOUTS))
+def check_reads_what_the_packet_names(
+    trial: ClientTrial, place: Place, _: None, case: tuple[str, int, int, PlaneOffsets]
+) -> None:
     """Offsets absent and present, planes in one allocation or two, sizes at both ends of their
-    range; the colour must be copied from where it lies, whole.
+    range; what the testee reads must be read from where it lies, whole.
     """
-    for what, width, height, layout in trial.each(LAYOUTS):
-        with image_of(trial, width, height, layout) as image:
-            show(trial, image.init_packet())
-            outcome = "accepts" if reads(trial, image) else trial.fate() or "ignores"
-            trial.judge(outcome, f"an init packet with {what}: reading the colour whole")
-            for call in image.copies(trial.calls()):
-                trial.expect(
-                    image.shows(call),
-                    "outside-the-image",
-                    f"with {what} it copied what is no image: {call}",
-                )
-            trial.delivered += 1
+    what, width, height, layout = case
+    with image_of(trial, width, height, layout) as image:
+        image.draw(2 + trial.number)
+        show(trial, image.init_packet())
+        outcome = "accepts" if reads(trial, image, place) else trial.fate() or "ignores"
+        trial.judge(outcome, f"an init packet with {what}: reading the image whole")
+        for call in image.copies(trial.calls()):
+            told = f"with {what} it copied what is no image: {call}"
+            trial.expect(image.shows(call), "outside-the-image", told)

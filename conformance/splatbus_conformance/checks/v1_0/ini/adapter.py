@@ -8,11 +8,10 @@ from hypothesis import strategies as st
 from splatbus_conformance.cases.malformed.init_packets import ROOM, changed
 from splatbus_conformance.cases.rings import GAP, MOST_GAPS, ORDERS, Arrangement
 from splatbus_conformance.checks import CLIENT, check
-from splatbus_conformance.checks.v1_1.img.adapter import READS, described, parts
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.painted import coordinates
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.frame_lender import FrameLender
+from splatbus_conformance.trials.moves.frame_lender import READS, FrameLender
 
 Size = tuple[int, int, int]
 """Width and height in pixels, and how many slots."""
@@ -77,8 +76,6 @@ def _judge(trial: ClientTrial, lender: FrameLender, where: str) -> None:
     answer = trial.ask("digest")
     if answer["seq"] not in lender.shown:
         trial.not_observable("the client shows no image that was lent")
-    if wrong := parts(answer, lender.shown[answer["seq"]]):
-        trial.violated(
-            "other-pixels", f"image {answer['seq']} {where}: {described(answer, wrong, lender)}"
-        )
+    if wrong := lender.misread(answer):
+        trial.violated("other-pixels", f"image {answer['seq']} {where}: {wrong}")
     trial.delivered += 1

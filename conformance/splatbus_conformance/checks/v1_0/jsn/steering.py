@@ -3,8 +3,8 @@
 from contextlib import nullcontext
 
 from splatbus_conformance.checks import CLIENT, check
-from splatbus_conformance.checks.v1_0.cud.clients import image_of
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.shown_image import image_of
 from splatbus_conformance.wire.message_kinds import POSES
 
 

@@ -2,27 +2,41 @@
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.cases.malformed.frames import broken_frames, frames_of_no_image
-from splatbus_conformance.checks import CLIENT, Cases, check
+from splatbus_conformance.cases.malformed.frames import (
+    BrokenFrame,
+    broken_frames,
+    frames_of_no_image,
+)
+from splatbus_conformance.cases.malformed.init_packets import changed
+from splatbus_conformance.checks import CLIENT, CLIENT_DEVICE, CLIENT_HOST, Cases, Place, check
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.frame_lender import reading
+from splatbus_conformance.trials.moves.frame_lender import (
+    TAKES_FRAMES_ON_DEVICE,
+    FrameLender,
+    lending,
+    reading,
+)
 from splatbus_conformance.trials.trial import SETTLE_SECONDS
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
 
+RETURNS = ("capability:frames", "returns:ipc")
 LAST_NUMBER: int = LIMITS["max_safe_integer"]
 
 
 @check(
     "IMG-12",
-    observable="one release for each frame, with its generation and number",
-    on={CLIENT: ("capability:frames",)},
+    on={
+        CLIENT_HOST: ("capability:host_shm", "capability:frames"),
+        CLIENT_DEVICE: TAKES_FRAMES_ON_DEVICE,
+    },
+    given=lending,
 )
-def check_releases_each_frame_once(trial: ClientTrial) -> None:
+def check_releases_each_frame_once(trial: ClientTrial, _: Place, lender: FrameLender) -> None:
     """Frames are lent one after the other, in slots of any order, with numbers from the first to
     the last that there is and times before and after 0; each must be released once.
     """
-    connection = reading(trial)
+    connection = lender.connection
     dealings = trial.role.with_(connection)
     many = 1000 if trial.thorough else 60
     for number in range(many):
@@ -35,7 +49,6 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
             "not-released",
             f"frame {seq} was not released within 5 s",
         )
-        trial.delivered += 1
     trial.rest(0.1)
     twice = {seq for seq in dealings.released if dealings.released.count(seq) > 1}
     trial.expect(
@@ -45,20 +58,14 @@ def check_releases_each_frame_once(trial: ClientTrial) -> None:
     trial.expect(not unknown, "never-lent", f"it released {unknown}, which were never lent")
 
 
-@check(
-    "IMG-24",
-    observable="one release for each frame that the testee cannot use",
-    on={CLIENT: ("capability:frames", "returns:ipc")},
-    may_crash=True,
-)
+@check("IMG-24", on={CLIENT: RETURNS}, may_crash=True)
 def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
     """Frames of slots that exist, whose camera, tag, objects or time is missing, of another type or
     impossible; a testee that closes the connection instead gives the slot back with it.
     """
-    connection = reading(trial)
     cases = list(broken_frames(trial.role.width, trial.role.height))
     for broken in trial.each(cases, kind=lambda case: case.kind):
-        connection = reading(trial) if connection.ended else connection
+        connection = reading_on(trial)
         released = trial.role.with_(connection).released
         frame = broken.of(trial.next_frame(connection))
         trial.role.say(connection, frame)
@@ -75,11 +82,9 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
             trial.expect(
                 trial.comes_back("ipc"), "closed-for-good", f"{what}: the testee closed, for good"
             )
-        trial.delivered += 1
     if not connection.ended:
-        seq = trial.lend(connection)
         trial.expect(
-            trial.releases(connection, seq),
+            trial.releases(connection, trial.lend(connection)),
             "good-frame-not-released",
             "the good frame after them was not released",
         )
@@ -87,8 +92,7 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
 
 @check(
     "IMG-24",
-    observable="one release for each frame whose number is not greater than the one before",
-    on={CLIENT: ("capability:frames", "returns:ipc")},
+    on={CLIENT: RETURNS},
     may_crash=True,
     cases=Cases((0, 1, 2, LAST_NUMBER)),
 )
@@ -113,12 +117,10 @@ def check_releases_frames_whose_numbers_do_not_grow(trial: ClientTrial, back: in
         trial.expect(given_back, "not-released", f"{what} was not released within 5 s")
     elif "ipc" in trial.facts.returns:
         trial.expect(trial.comes_back("ipc"), "closed-for-good", f"{what}: it closed, for good")
-    trial.delivered += 1
 
 
 @check(
     "IMG-12",
-    observable="of each generation, release of its frame before closed",
     on={CLIENT: ("capability:frames", "capability:reinit", "opens")},
 )
 def check_releases_before_it_closes(trial: ClientTrial) -> None:
@@ -138,62 +140,49 @@ def check_releases_before_it_closes(trial: ClientTrial) -> None:
         before = said[: said.index(("closed", former, None))]
         what = f"it closed generation {former}, and had not released its frame {seq}"
         trial.expect(("release", former, seq) in before, "closed-before-release", what)
-        trial.delivered += 1
     trial.expect(trial.opens(connection), "not-opened", "the last memory was not opened")
 
 
-@check(
-    "IMG-15",
-    observable="no release for a frame of memory that is not there; the next good one is released",
-    on={CLIENT: ("capability:frames", "returns:ipc")},
-    may_crash=True,
-)
-def check_ignores_frames_of_unknown_memory(trial: ClientTrial) -> None:
-    """Frames of generations that were never announced, and of slots beyond the ring; some of them
-    look right in 32 bits.
+def of_no_image(trial: ClientTrial) -> Cases:
+    """What is wrong with a frame that lends nothing. Numbers of `after` are added to the generation
+    that is open; some look right in 32 bits.
     """
     wrap, slots = 1 << 32, trial.role.slots
-    bad_slots = (slots, slots + 1, -1, -slots, 0.5, *(wrap + slot for slot in range(slots)))
-    wrong = [("slot", slot) for slot in bad_slots]
-    wrong += [("generation", number) for number in (0, -1, LAST_NUMBER)]
-    wrong += [("generation after", number) for number in (-1, 1, 76, wrap)]
-    connection = reading(trial)
-    for name, value in trial.each(wrong):
-        connection = reading(trial) if connection.ended else connection
-        member, _, after = name.partition(" ")
-        since = trial.role.with_(connection).generation if after else 0
-        changes = {member: since + value}
-        bad = trial.next_frame(connection) | changes
-        judge_bad_frame(trial, connection, f"a frame with {changes}", bad)
+    unknown = {
+        "slot": (slots, slots + 1, -1, -slots, 0.5, *(wrap + slot for slot in range(slots))),
+        "generation": (0, -1, LAST_NUMBER),
+        "after": (-1, 1, 76, wrap),
+    }
+    listed = [
+        BrokenFrame(f"{name} {number}", {name: number})
+        for name, numbers in unknown.items()
+        for number in numbers
+    ]
+    return Cases([*listed, *frames_of_no_image()], kind=lambda case: case.kind)
+
+
+@check("IMG-15", on={CLIENT: RETURNS}, cases=of_no_image, may_crash=True)
+def check_ignores_frames_of_no_image(trial: ClientTrial, broken: BrokenFrame) -> None:
+    """Frames of generations that were never announced, and of slots beyond the ring; and those
+    whose generation, slot or number is missing, of another type, or none that may be. None is
+    released, and the good one after it is.
+    """
+    connection = reading_on(trial)
+    good, changes = trial.next_frame(connection), dict(broken.changes)
+    if "after" in changes:
+        changes = {"generation": good["generation"] + changes["after"]}
+    judge_bad_frame(trial, connection, f"a frame with {broken}", changed(good, changes))
 
 
 @check(
     "IMG-15",
-    observable="no release for a frame that does not say which image it is; the next one's is sent",
-    on={CLIENT: ("capability:frames", "returns:ipc")},
-    may_crash=True,
-)
-def check_ignores_frames_that_name_no_image(trial: ClientTrial) -> None:
-    """Frames whose generation, slot or number is missing, of another type, or none that may be."""
-    connection = reading(trial)
-    cases = list(frames_of_no_image())
-    for broken in trial.each(cases, kind=lambda case: case.kind):
-        connection = reading(trial) if connection.ended else connection
-        bad = broken.of(trial.next_frame(connection))
-        judge_bad_frame(trial, connection, f"a frame with {broken}", bad)
-
-
-@check(
-    "IMG-15",
-    observable="no release for a frame of memory that was closed; the next good one is released",
-    on={CLIENT: ("capability:frames", "capability:reinit", "returns:ipc")},
+    on={CLIENT: (*RETURNS, "capability:reinit")},
     may_crash=True,
 )
 def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
     """Further memory is announced, and when the former is closed, a frame of that still comes."""
-    connection = reading(trial)
     for _ in range(3):
-        connection = reading(trial) if connection.ended else connection
+        connection = reading_on(trial)
         former = trial.role.with_(connection).generation
         trial.role.offer(connection, trial.role.init_packet(connection))
         if not (trial.closes(connection, former) or connection.ended):
@@ -201,6 +190,13 @@ def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
         bad = trial.next_frame(connection) | {"generation": former}
         judge_bad_frame(trial, connection, "a frame of closed memory", bad)
+
+
+def reading_on(trial: ClientTrial) -> Connection:
+    """The connection on which the testee reads frames, if there is one still, or a new one."""
+    known = trial.role.dealings.items()
+    there = (it for it, of in known if not it.gone and of.generation in of.opened)
+    return next(there, None) or reading(trial)
 
 
 def expect_alive(trial: ClientTrial, connection: Connection, what: str) -> None:
@@ -227,4 +223,3 @@ def judge_bad_frame(trial: ClientTrial, connection: Connection, what: str, bad: 
     else:
         outcome = "hangs"
     trial.judge(outcome, what)
-    trial.delivered += 1

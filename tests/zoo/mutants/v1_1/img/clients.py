@@ -38,9 +38,7 @@ def releases_with_another_generation(patch):
     messages(patch, of_type("release", lambda release: release | {"generation": 7}))
 
 
-@mutant(
-    "IMG-15", check="check_ignores_frames_of_unknown_memory", code="accepts", at=client.TAKES_FRAME
-)
+@mutant("IMG-15", check="check_ignores_frames_of_no_image", code="accepts", at=client.TAKES_FRAME)
 def releases_frames_of_any_generation(original, self, frame):
     """Takes every frame for one of the memory that it has open."""
     if frame.generation not in self.slots:
@@ -68,9 +66,7 @@ def releases_frames_of_closed_memory(patch):
     client.TAKES_FRAME.wrap(patch, on_frame)
 
 
-@mutant(
-    "IMG-15", check="check_ignores_frames_of_unknown_memory", code="dies", at=client.TAKES_FRAME
-)
+@mutant("IMG-15", check="check_ignores_frames_of_no_image", code="dies", at=client.TAKES_FRAME)
 def reads_slots_that_do_not_exist(original, self, frame):
     """Reads beyond the ring when a frame names a slot that does not exist, and dies of it."""
     if frame.slot >= self.slots.get(frame.generation, frame.slot + 1):

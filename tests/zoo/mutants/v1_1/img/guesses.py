@@ -14,7 +14,7 @@ from tests.zoo.faults.surgery import crash
 from tests.zoo.mutant import mutant
 
 UNUSABLE = "check_releases_frames_that_it_cannot_use"
-UNREADABLE = "check_ignores_frames_that_name_no_image"
+UNREADABLE = "check_ignores_frames_of_no_image"
 
 
 @mutant(
@@ -118,7 +118,7 @@ def takes_the_last_number_for_none(original, self, frame):
     return [] if frame.seq == 2**53 - 1 else original(self, frame)
 
 
-@mutant("IMG-15", check="check_ignores_frames_of_unknown_memory", code="accepts")
+@mutant("IMG-15", check="check_ignores_frames_of_no_image", code="accepts")
 def holds_generations_of_frames_in_32_bits(patch):
     """Has 32 bits for the generation of a frame."""
     _shortens(patch, "generation")

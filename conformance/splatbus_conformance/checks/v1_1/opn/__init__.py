@@ -1,1 +1,0 @@
-"""Opening of memory and its generations: OPN."""
