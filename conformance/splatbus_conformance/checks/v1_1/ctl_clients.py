@@ -1,9 +1,9 @@
 """Checks on what a client says again when it has come back (spec 1.1 section 6.3)."""
 
 from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, check
-from splatbus_conformance.checks.v1_0.cnv.adapter import COMMANDS, said_again
 from splatbus_conformance.checks.v1_1.neg.clients import heard
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.given_poses import COMMANDS, said_again
 from splatbus_conformance.wire.message_kinds import POSES
 from splatbus_conformance.wire.recording import WORDS, Channel
 

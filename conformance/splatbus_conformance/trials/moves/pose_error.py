@@ -13,7 +13,7 @@ from splatbus_conformance.oracle import ENGINES, Engine, error_in_u, exact, to_s
 from splatbus_conformance.oracle.rotations import product
 from splatbus_conformance.oracle.rounding import DOUBLE, SINGLE
 from splatbus_conformance.trials.testee.adapter import Greeting
-from splatbus_conformance.wire.json_values import is_number
+from splatbus_conformance.wire.json_values import finites, is_number
 from splatbus_conformance.wire.messages import Json
 
 Kind = Literal["camera_pose", "point_cloud_pose"]
@@ -87,6 +87,12 @@ def read_pose(message: Json) -> Pose | None:
             return None
         parts.append(tuple(float(number or 0) for number in numbers))
     return Pose(*parts)
+
+
+def told_pose(reply: Json) -> Pose | None:
+    """The pose in a reply of a server; None where it has none that can be read."""
+    position, rotation = finites(reply.get("position"), 3), finites(reply.get("rotation"), 4)
+    return Pose(position, rotation) if position and rotation and any(rotation) else None
 
 
 def off(

@@ -8,7 +8,6 @@ from pathlib import Path
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import SERVER, Cases, check
-from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
 from splatbus_conformance.checks.v1_1.cam.lenses import in_force, lens_of, scaled
 from splatbus_conformance.checks.v1_1.cam.resized import Sitting, other, sitting
 from splatbus_conformance.images.known_scene import render
@@ -26,7 +25,7 @@ from splatbus_conformance.trials.moves.resizing import (
     resizing,
     told_at,
 )
-from splatbus_conformance.trials.moves.survey import first_view, likeness
+from splatbus_conformance.trials.moves.survey import WHOLE, first_view, likeness
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_values import whole
