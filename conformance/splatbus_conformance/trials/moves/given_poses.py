@@ -70,6 +70,8 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[Give
         before.add(came)
         yield GivenPose(pose, came, found, _reason(pose, came, former, engine) if found.far else "")
         former = pose
+    if former is FIRST:
+        trial.not_observable("no pose was given")
 
 
 def _reason(pose: Pose, came: Pose, former: Pose, engine: Engine) -> str:

@@ -1,14 +1,14 @@
 """Checks on frames in device memory (spec 1.1 chapters 4 and 5)."""
 
 from splatbus_conformance.checks import SERVER, check
-from splatbus_conformance.checks.v1_0.cud.servers import (
+from splatbus_conformance.images.memory.cuda_stand_in import publishing
+from splatbus_conformance.images.memory.cuda_stand_in.session import SLOW_RECORDS
+from splatbus_conformance.trials.moves.announced import (
     AnnouncedConnection,
     announced,
     calls_of,
     expect_kept,
 )
-from splatbus_conformance.images.memory.cuda_stand_in import publishing
-from splatbus_conformance.images.memory.cuda_stand_in.session import SLOW_RECORDS
 from splatbus_conformance.trials.moves.frame_readers import answer_and_leave
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import whole
