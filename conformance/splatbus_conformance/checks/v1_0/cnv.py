@@ -31,8 +31,8 @@ from splatbus_conformance.trials.moves.pose_error import (
     PoseError,
     engine_of,
     off,
+    pose_in,
     rotation_budget,
-    told_pose,
     why,
 )
 from splatbus_conformance.trials.moves.survey import first_view, judge_readings, moves
@@ -241,7 +241,7 @@ def _judge_reply(trial: ServerTrial, wrong: tuple[Misreading, ...]) -> None:
     first, connection = first_view(trial), trial.dial("msg")
     for index in range(CAMERAS_ASKED):
         reply = trial.ask(connection, {"type": "get_camera_pose", "cam_idx": index}) or {}
-        pose = told_pose(reply)
+        pose = pose_in(reply)
         meant = pose and named(first.camera.pose, pose)
         if pose is None or meant is AS_SPECIFIED:
             return

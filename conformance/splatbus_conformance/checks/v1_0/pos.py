@@ -14,10 +14,10 @@ from splatbus_conformance.cases.malformed.poses import (
     WITHIN_NORMS,
     BrokenPose,
     broken_poses,
+    in_strings,
 )
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import SERVER, SERVER_DEVICE, SERVER_HOST, Cases, Place, check
-from splatbus_conformance.checks.v1_0.jsn.servers import in_strings
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import staged, turned_about
 from splatbus_conformance.images.pinhole import rigid, told_of

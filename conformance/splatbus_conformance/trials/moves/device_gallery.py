@@ -29,7 +29,7 @@ from splatbus_conformance.rules.v1_0.ini import layout
 from splatbus_conformance.trials.controls import CAMERA_REQUEST
 from splatbus_conformance.trials.moves.frame_capture import AT_REST, aside
 from splatbus_conformance.trials.moves.nudging import AGAIN_SECONDS
-from splatbus_conformance.trials.moves.pose_error import told_pose
+from splatbus_conformance.trials.moves.pose_error import pose_in
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.json_values import within
@@ -305,7 +305,7 @@ class DeviceSteering(DeviceGallery):
         super().__init__(trial, read)
         # The first camera that the scene comes with; the origin where the server tells none.
         reply = None if self.lens else trial.ask(trial.dial("msg"), CAMERA_REQUEST)
-        home = told_pose(reply or {}) or AT_ORIGIN
+        home = pose_in(reply or {}) or AT_ORIGIN
         self.left, self.right, self.askew = (_before_it(home, it) for it in (LEFT, RIGHT, ASKEW))
         self._at = self.left
         for camera in (self.left, self.right):
