@@ -27,6 +27,7 @@ from splatbus_conformance.images.pinhole import STILL, Camera, ObjectPlacement, 
 from splatbus_conformance.images.reprojection import POSES, QUATERNIONS, ROWS, Misreading
 from splatbus_conformance.rules.v1_0.ini import layout
 from splatbus_conformance.trials.controls import CAMERA_REQUEST
+from splatbus_conformance.trials.moves.announced import announced
 from splatbus_conformance.trials.moves.frame_capture import AT_REST, aside
 from splatbus_conformance.trials.moves.nudging import AGAIN_SECONDS
 from splatbus_conformance.trials.moves.pose_error import pose_in
@@ -72,7 +73,11 @@ def reading(trial: ServerTrial) -> Iterator[Callable[[], CapturedFrame]]:
     """What reads the buffers of 1.0, once the server has drawn an image: what lies there at one
     moment may be of two images (section 5.4).
     """
-    told = _init_packet_of(trial)
+    told = announced(trial).packet
+    broken = [found for found in layout(told) if found.breach]
+    if broken or told["meta"]["w"] * told["meta"]["h"] > MOST_PIXELS:
+        why = broken[0].breach if broken else "its images are too large"
+        trial.not_observable(f"its init packet is none to read images by: {why}")
     handles = {name: base64.b64decode(told[name]) for name in (*MEMBERS, "evt_done")}
     width, height = int(told["meta"]["w"]), int(told["meta"]["h"])
     device = _device_of(trial, told)
@@ -97,21 +102,6 @@ def reading(trial: ServerTrial) -> Iterator[Callable[[], CapturedFrame]]:
     finally:
         for handle in handles.values():
             device.forget(handle)
-
-
-def _init_packet_of(trial: ServerTrial) -> Json:
-    """The init packet of a new connection, if it names an image as 1.0 says."""
-    connection = trial.dial("ipc")
-    dealings = trial.viewer.with_(connection)
-    trial.wait(lambda: dealings.init_packets or connection.ended)
-    if not dealings.init_packets:
-        trial.not_observable("the server sent no init packet")
-    told = dealings.init_packets[0]
-    broken = [found for found in layout(told) if found.breach]
-    if broken or told["meta"]["w"] * told["meta"]["h"] > MOST_PIXELS:
-        why = broken[0].breach if broken else "its images are too large"
-        trial.not_observable(f"its init packet is none to read images by: {why}")
-    return told
 
 
 def _device_of(trial: ServerTrial, told: Json) -> Device:
