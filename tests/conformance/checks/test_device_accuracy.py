@@ -4,16 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from splatbus_conformance.checks.v1_0.acc import device as device_accuracy
+from splatbus_conformance.checks.v1_0 import acc
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.images.lens_finding import find_lens
 from splatbus_conformance.images.pinhole import Camera, Rigid
 
-from tests.conformance.images.cuda_stand_in.library import checks_in, judged
+from tests.conformance.images.cuda_stand_in.library import in_device_memory, judged
 
 MINIATURES = Path(__file__).parents[1] / "miniatures"
 OF_SCENE = MINIATURES / "cuda_scene_server.py"
-CHECKS = checks_in(device_accuracy)
+CHECKS = in_device_memory(acc)
 BROKEN = {
     "multiplies its view in TF32": (
         "    return turn, place\n",
@@ -21,25 +21,25 @@ BROKEN = {
         "def tf32(values):\n"
         "    bits = np.asarray(values, np.float32).view(np.uint32)\n"
         "    return ((bits + 0x1000) & 0xFFFFE000).view(np.float32).astype(np.float64)\n",
-        "check_the_camera_in_device_memory_is_where_it_was_put",
+        "check_the_camera_is_where_it_was_put",
         "pixels have to show the scene from the camera at position",
     ),
     "takes quaternions for unit ones": (
         "    return turn, place\n",
         "    return np.eye(3) + norm**2 * (turn - np.eye(3)), place\n",
-        "check_rotations_in_device_memory_do_not_shear",
+        "check_rotations_do_not_shear",
         "‖RᵀR − I‖₂",
     ),
     "rounds quaternions to three digits": (
         "float(rotation[name])",
         "round(rotation[name], 3)",
-        "check_rotations_in_device_memory_are_those_of_the_quaternion",
+        "check_rotations_are_those_of_the_quaternion",
         "entry of the rotation matrix",
     ),
     "rounds positions to six digits": (
         "    return turn, place\n",
         "    return turn, np.array([float(f'{number:.6g}') for number in place])\n",
-        "check_single_precision_in_device_memory_is_rounded_once",
+        "check_single_precision_is_rounded_once",
         "camera centre",
     ),
 }

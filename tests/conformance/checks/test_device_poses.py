@@ -3,49 +3,49 @@
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.checks.v1_0.pos import device as device_poses
+from splatbus_conformance.checks.v1_0 import cnv, pos
+from splatbus_conformance.checks.v1_0.buf import servers as buf
 
-from tests.conformance.images.cuda_stand_in.library import checks_in, judged
+from tests.conformance.images.cuda_stand_in.library import in_device_memory, judged
 
 MINIATURES = Path(__file__).parents[1] / "miniatures"
 OF_SCENE, OF_WALL = MINIATURES / "cuda_scene_server.py", MINIATURES / "cuda_server.py"
-CHECKS = checks_in(device_poses)
-NONE = "the image is none of the camera"
+CHECKS = in_device_memory(buf, cnv, pos)
 BROKEN = {
     "stores the top row first": (
         "image.color[::-1].tobytes(), image.depth[::-1].tobytes()",
         "image.color.tobytes(), image.depth.tobytes()",
-        "check_rows_in_device_memory_are_bottom_up",
+        "check_rows_are_bottom_up",
         "rows stored top-down",
     ),
     "stores inverse depths": (
         "image.depth[::-1].tobytes()",
         "(1.0 / image.depth[::-1]).tobytes()",
-        "check_depth_in_device_memory_is_planar",
+        "check_depth_is_planar",
         "inverse depths",
     ),
     "takes poses for world-to-camera": (
         "    return turn, place\n",
         "    return turn.T, -turn.T @ place\n",
-        "check_poses_in_device_memory_are_camera_to_world",
+        "check_poses_are_camera_to_world",
         "taken for world-to-camera",
     ),
     "takes the first number of a rotation for its scalar": (
         'for name in "xyzw"])).reshape',
         'for name in "yzwx"])).reshape',
-        "check_rotations_in_device_memory_have_w_last",
+        "check_rotations_are_hamilton_with_w_last",
         "read as w, x, y, z",
     ),
     "takes a rotation in the order in which it comes": (
         '[float(rotation[name]) for name in "xyzw"]',
         "[float(number) for number in rotation.values()]",
-        "check_takes_members_by_name_in_device_memory",
-        NONE,
+        "check_takes_members_by_name",
+        "ignored it and went on",
     ),
     "takes a rotation of any norm": (
         "abs(math.hypot(*rotation) - 1.0) <= 0.01",
         "math.hypot(*rotation) > 0.5",
-        "check_keeps_the_former_pose_in_device_memory",
+        "check_keeps_the_former_pose",
         "a rotation of norm",
     ),
     "takes the first of several poses": (
@@ -53,13 +53,13 @@ BROKEN = {
         "                if time.monotonic() - getattr(self, kind, 0.0) > 0.03:\n"
         "                    self.poses[kind] = message\n"
         "                setattr(self, kind, time.monotonic())\n",
-        "check_the_newest_camera_is_shown_in_device_memory",
-        NONE,
+        "check_the_last_of_one_piece_is_shown",
+        "no image is of the last",
     ),
     "takes everybody's poses": (
         "            if self.controls[0] is sock:\n",
         "            if self.controls:\n",
-        "check_one_connection_has_control_in_device_memory",
+        "check_one_connection_has_control",
         "that has no control",
     ),
     "begins with a scene that was moved": (
@@ -67,7 +67,7 @@ BROKEN = {
         '    moved = ORIGIN | {"position": dict.fromkeys("xyz", 0.5)}\n'
         '    poses = {"point_cloud_pose": moved} | poses\n'
         "    scene, camera = (poses",
-        "check_the_scene_in_device_memory_is_at_rest_at_first",
+        "check_the_scene_of_a_new_server_is_at_rest",
         "not at rest before",
     ),
     "takes strings for the numbers of a position alone": (

@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.checks.v1_0.pos import device as device_poses
 
-from tests.conformance.checks.test_device_poses import BROKEN, OF_SCENE, OF_WALL
-from tests.conformance.images.cuda_stand_in.library import checks_in, judged
+from tests.conformance.checks.test_device_poses import BROKEN, CHECKS, OF_SCENE, OF_WALL
+from tests.conformance.images.cuda_stand_in.library import judged
 
 pytestmark = pytest.mark.apart
 
@@ -17,9 +16,7 @@ STRANGE = (
 """Three spheres before nothing."""
 SLOW = ("FRAME_SECONDS = 0.03", "FRAME_SECONDS = 0.25")
 BY_POSE = {
-    name: check
-    for name, check in checks_in(device_poses).items()
-    if check.requirement.startswith(("POS", "JSN"))
+    name: check for name, check in CHECKS.items() if check.requirement.startswith(("POS", "JSN"))
 }
 OF_POSES = {name: broken for name, broken in BROKEN.items() if broken[2] in BY_POSE}
 
@@ -59,6 +56,6 @@ def test_of_a_scene_that_moves_by_itself_nothing_is_told(tmp_path: Path) -> None
         "    matrix = tuple(map(tuple, turn.tolist()))\n",
     )
     restless = program(tmp_path, STRANGE, turns)
-    check = "check_takes_members_by_name_in_device_memory"
+    check = "check_takes_members_by_name"
     found = judged("server", restless, {check: BY_POSE[check]})[check]
     assert found.startswith("skipped: ")

@@ -48,6 +48,12 @@ def broken_poses(good: Json) -> list[BrokenPose]:
     return [broken for family in families for broken in family(good)]
 
 
+def in_strings(pose: Json) -> Json:
+    """A pose with every number as a string (JSN-11)."""
+    parts = ("position", "rotation")
+    return pose | {part: {n: repr(v) for n, v in pose[part].items()} for part in parts}
+
+
 def _changed(good: Json, part: str, member: str, value: Any) -> Json:
     return good | {part: good[part] | {member: value}}
 

@@ -5,7 +5,6 @@ come back (spec 1.1 section 6.3).
 from collections.abc import Callable
 
 from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, SERVER, Cases, check
-from splatbus_conformance.checks.v1_0.cnv.adapter import COMMANDS, said_again
 from splatbus_conformance.images.pinhole import placed_in, told_of
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.camera_control import CameraControl, camera_in, camera_of
@@ -13,6 +12,7 @@ from splatbus_conformance.trials.moves.clocks import near, set_time
 from splatbus_conformance.trials.moves.control import busy, controlling, in_control
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
 from splatbus_conformance.trials.moves.frame_readers import frames_of
+from splatbus_conformance.trials.moves.given_poses import COMMANDS, said_again
 from splatbus_conformance.trials.moves.image_session import (
     LENS,
     ImageSession,

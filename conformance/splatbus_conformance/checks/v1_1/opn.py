@@ -27,13 +27,13 @@ from splatbus_conformance.checks import (
     Place,
     check,
 )
-from splatbus_conformance.checks.v1_0.cud.servers import announced, expect_kept
 from splatbus_conformance.images.memory.cuda_stand_in.ring import DeviceRing
 from splatbus_conformance.images.memory.device import STAND_IN
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves import resizing
+from splatbus_conformance.trials.moves.announced import announced, expect_kept
 from splatbus_conformance.trials.moves.frame_lender import OPENS_DEVICE, ring_on_device
 from splatbus_conformance.trials.moves.frame_readers import (
     LENDS,

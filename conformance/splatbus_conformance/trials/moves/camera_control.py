@@ -90,7 +90,6 @@ class CameraControl:
     def takes(self, connection: Connection, pose: Json, payload: bytes | None = None) -> str:
         """What becomes of a valid pose: `accepts`, `ignores`, `closes`, `exits` or `dies`."""
         if self.shows(connection, pose, payload):
-            self.trial.delivered += 1
             return "accepts"
         return self.trial.fate() or ("closes" if connection.ended else "ignores")
 

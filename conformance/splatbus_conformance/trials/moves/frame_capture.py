@@ -60,7 +60,6 @@ class FrameCapture:
             for last in self.new():
                 meant = named(last.camera.pose, camera)
                 if meant is AS_SPECIFIED:
-                    self.trial.delivered += 1
                     return last
                 patience = EFFECT_SECONDS if meant is None else MISTAKEN_SECONDS
                 until = min(until, clock() + patience)

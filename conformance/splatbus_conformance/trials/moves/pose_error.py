@@ -8,12 +8,23 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.oracle import ENGINES, Engine, error_in_u, exact, to_single, ulps
-from splatbus_conformance.oracle.rotations import product
+from splatbus_conformance.images.pinhole import MIN_NORM, rotation_matrix
+from splatbus_conformance.oracle import (
+    ENGINES,
+    Engine,
+    angle_between,
+    error_in_u,
+    exact,
+    to_single,
+    ulps,
+)
+from splatbus_conformance.oracle.rotations import view_translation
 from splatbus_conformance.oracle.rounding import DOUBLE, SINGLE
 from splatbus_conformance.trials.testee.adapter import Greeting
-from splatbus_conformance.wire.json_values import is_number
+from splatbus_conformance.wire.json_values import finites, is_number
 from splatbus_conformance.wire.messages import Json
 
 Kind = Literal["camera_pose", "point_cloud_pose"]
@@ -78,7 +89,7 @@ def rotation_budget(greeting: Greeting, kind: Kind) -> float:
 
 
 def read_pose(message: Json) -> Pose | None:
-    """The pose in a message of a client; None where it has none that can be read (POS-1)."""
+    """The pose in a message of a client; None where it has none to reckon with (POS-1, POS-3)."""
     parts = []
     for name, members in (("position", "xyz"), ("rotation", "xyzw")):
         held = message.get(name)
@@ -86,7 +97,13 @@ def read_pose(message: Json) -> Pose | None:
         if not all(map(is_number, numbers)):
             return None
         parts.append(tuple(float(number or 0) for number in numbers))
-    return Pose(*parts)
+    return Pose(*parts) if MIN_NORM < math.hypot(*parts[1]) < 1 / MIN_NORM else None
+
+
+def pose_in(reply: Json) -> Pose | None:
+    """The pose in a reply of a server; None where it has none that can be read."""
+    position, rotation = finites(reply.get("position"), 3), finites(reply.get("rotation"), 4)
+    return Pose(position, rotation) if position and rotation and any(rotation) else None
 
 
 def off(
@@ -111,7 +128,7 @@ def off(
     return PoseError(
         ulp,
         _error_of_rotation(got.rotation, rotation, single),
-        angle(got.rotation, rotation),
+        angle_between(got.rotation, rotation),
         distance,
         _pixels(got, rotation, difference, *size),
         length,
@@ -142,40 +159,19 @@ def _error_of_rotation(got: Sequence[float], right: Exact, single: bool) -> floa
     )
 
 
-def angle(p: Sequence[float], q: Exact) -> float:
-    """Radians between two rotations, whose small angles keep their digits."""
-    x, y, z, w = exact(p)
-    *v, cosine = map(float, product((-x, -y, -z, w), q))
-    return 2.0 * math.atan2(math.hypot(*v), abs(cosine))
-
-
 def _pixels(
     got: Pose, rotation: Exact, difference: Sequence[Fraction], width: int, height: int
 ) -> float:
     """With X = R·Xc + c seen as R'ᵀ·(X − c'), for the corners of the image, one unit ahead."""
-    right, seen = _matrix([float(n) for n in rotation]), _matrix(got.rotation)
-    worst = 0.0
-    for x in (-0.5, 0.5):
-        for y in (-0.5 * height / width, 0.5 * height / width):
-            world = [
-                sum(a * b for a, b in zip(row, (x, y, 1.0), strict=True)) - float(moved)
-                for row, moved in zip(right, difference, strict=True)
-            ]
-            u, v, z = (sum(seen[i][j] * world[i] for i in range(3)) for j in range(3))
-            if z <= 0:
-                return math.inf
-            worst = max(worst, width * math.hypot(u / z - x, v / z - y))
-    return worst
-
-
-def _matrix(q: Sequence[float]) -> tuple[tuple[float, ...], ...]:
-    norm = math.hypot(*q)
-    x, y, z, w = (number / norm for number in q)
-    return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
-        (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
-        (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
-    )
+    x, y = 0.5, 0.5 * height / width
+    corners = np.array([(i, j, 1.0) for i in (-x, x) for j in (-y, y)])
+    moved = np.array([float(n) for n in difference])
+    world = corners @ rotation_matrix([float(n) for n in rotation]).T - moved
+    seen = world @ rotation_matrix(got.rotation)
+    if (seen[:, 2] <= 0).any():
+        return math.inf
+    off = seen[:, :2] / seen[:, 2:] - corners[:, :2]
+    return width * float(np.linalg.norm(off, axis=-1).max())
 
 
 # Why a pose is far from the right one
@@ -202,13 +198,13 @@ def why(
     for words, position, rotation in (*fine, *_mistakes(given, engine, direction)):
         length = math.hypot(*map(float, position)) or 1.0
         apart = math.dist(got.position, [float(number) for number in position])
-        if apart <= FAR * length and angle(got.rotation, rotation) <= FAR:
+        if apart <= FAR * length and angle_between(got.rotation, rotation) <= FAR:
             return words
     p, q = _converted(given, engine, direction)
     times = math.hypot(*got.position) / (math.hypot(*map(float, p)) or 1.0)
     scaled = [times * float(number) for number in p]
     if math.dist(got.position, scaled) <= FAR * math.hypot(*scaled):
-        turned = "" if angle(got.rotation, q) <= FAR else ", and its rotation is another"
+        turned = "" if angle_between(got.rotation, q) <= FAR else ", and its rotation is another"
         if abs(times - 1.0) > FAR:
             return f"its position is {times:.4g} times what it should be{turned}"
     return ""
@@ -224,8 +220,7 @@ def _mistakes(
     i, j, k, r = given.rotation
     for given_order in ((r, i, j, k), (j, k, r, i)):
         yield ORDER, p, _converted(given._replace(rotation=given_order), engine, direction)[1]
-    inverse = tuple(Fraction(n) for n in _turned(p, (-x, -y, -z, w)))
-    yield "it is world-to-camera", inverse, (-x, -y, -z, w)
+    yield "it is world-to-camera", view_translation(p, q), (-x, -y, -z, w)
     as_it_is = exact(given.position), exact(given.rotation)
     yield f"it is in the {'engine' if direction == 'out' else 'wire'}'s axes", *as_it_is
     yield "only its position was converted", p, as_it_is[1]
@@ -249,8 +244,3 @@ def _converted(pose: Pose, engine: Engine, direction: Direction) -> tuple[Exact,
     if direction == "out":
         return engine.position_to_wire(pose.position), engine.quaternion_to_wire(pose.rotation)
     return engine.position_from_wire(pose.position), engine.quaternion_from_wire(pose.rotation)
-
-
-def _turned(p: Exact, q: Exact) -> list[float]:
-    rows = _matrix([float(n) for n in q])
-    return [-sum(a * float(b) for a, b in zip(row, p, strict=True)) for row in rows]

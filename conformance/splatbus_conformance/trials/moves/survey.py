@@ -34,6 +34,8 @@ STEP = 0.1
 TURN = 1 / 6
 """How far it turns, by its field of view."""
 ALIKE = 0.05
+WHOLE = 0.99
+"""The share of pixels that must be right in an image that is whole."""
 MOVES = (
     ((1, 0, 0), (1, 0, 0), 0),
     ((0, 1, 0), (1, 0, 0), 0),
@@ -194,7 +196,7 @@ def _expect_still(trial: ServerTrial, taken: Sequence[SurveyShot]) -> None:
         trial.not_observable("the scene moves by itself")
 
 
-def alike(some: CapturedFrame, others: CapturedFrame, share: float = 0.99) -> bool:
+def alike(some: CapturedFrame, others: CapturedFrame, share: float = WHOLE) -> bool:
     """Whether nearly all pixels of two images are the same, but for rounding."""
     return likeness(some, others) >= share
 

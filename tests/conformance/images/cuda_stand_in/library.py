@@ -123,6 +123,11 @@ def checks_in(*modules: ModuleType) -> dict[str, Check]:
     }
 
 
+def in_device_memory(*modules: ModuleType) -> dict[str, Check]:
+    """Those that are tried where a server stores its images in device memory."""
+    return {name: it for name, it in checks_in(*modules).items() if "device" in it.places}
+
+
 def judged(
     side: Side, program: Path, checks: Mapping[str, Check], *, adapter: bool = False
 ) -> dict[str, str]:

@@ -2,35 +2,33 @@
 
 import random
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import SERVER, check
+from splatbus_conformance.checks import SERVER, SERVER_DEVICE, SERVER_HOST, Place, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.known_scene import COLOR_BUDGET, render
+from splatbus_conformance.images.memory.reading import Pixels
+from splatbus_conformance.images.reprojection import DEPTHS, ROWS
 from splatbus_conformance.trials.moves.frame_capture import AT_REST, FrameCapture
-from splatbus_conformance.trials.moves.resizing import (
-    REINIT_SECONDS,
-    RESIZES,
-    asked_again,
-    other_sizes,
-    resizing,
-    size_of,
-)
-from splatbus_conformance.trials.moves.survey import anywhere, first_view, likeness, moves
+from splatbus_conformance.trials.moves.gallery import Gallery, HostGallery, gallery
+from splatbus_conformance.trials.moves.survey import WHOLE, anywhere, first_view, likeness
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import NotObservable
 
 PIXELS = ("1.1", "frames", "pixels")
+SHOWN = {SERVER_HOST: PIXELS, SERVER_DEVICE: ("cuda", "device")}
 SUBSCRIBES = (*PIXELS, "capability:subscribe")
+SMALLEST = float(np.finfo(np.float32).tiny)
+MOST = 0.5
+"""With fewer sensible numbers than this an image is read in the wrong order of bytes, if the other
+order makes sense of them all."""
+OPAQUE = 0.5
 COVERED_ALPHA = 1.0 / 255.0
 SENTINEL = 0.9
 """The share of transparent pixels that hold one value, from which it was meant to say "empty"."""
-WHOLE = 0.99
-"""The share of pixels that must be right in an image that is whole."""
 GLANCE_SECONDS = 0.06
 """Time enough for a write that was under way to end."""
 STEPS = 3
@@ -44,129 +42,123 @@ often for a server that is slow, but at most so often."""
 Mask = NDArray[np.bool_]
 
 
-def scanned(trial: ServerTrial) -> Iterator[CapturedFrame]:
-    """The first image, some from around it, and one of another size, where there is one."""
-    first = first_view(trial)
-    yield first
-    capture, around = FrameCapture(trial), moves(first)
-    for pose in around if trial.thorough else around[::3]:
-        yield capture.take(pose)
-    yield from resized(trial, around[0])
-
-
-def resized(trial: ServerTrial, camera: Pose) -> list[CapturedFrame]:
-    """An image of another size from there, if the server has one; then it is as it was."""
-    if any(map(trial.facts.lacks, RESIZES)):
-        return []
-    trial.peer.close_all()
-    size = other_sizes(trial)[1]
-    with resizing(trial) as client:
-        capture = FrameCapture(trial)
-        if asked_again(trial, client, size, "busy") != "viewport_size":
-            return []
-        packets = capture.dealings.init_packets
-        trial.wait(lambda: size_of(packets[-1]) == size, REINIT_SECONDS)
-        return [capture.take(camera)]
-
-
 # What is stored
 
 
-@check(
-    "BUF-2",
-    observable="whether the numbers make sense byte by byte in reverse",
-    on={SERVER: PIXELS},
-)
-def check_numbers_are_little_endian(trial: ServerTrial) -> None:
+@check("BUF-1", on=SHOWN, given=gallery)
+def check_rows_are_bottom_up(trial: ServerTrial, _: Place, images: Gallery) -> None:
+    """Flipped or mirrored images fit no camera, and no scene that is known, as they lie."""
+    images.judge(ROWS)
+
+
+@check("BUF-2", on=SHOWN, given=gallery)
+def check_numbers_are_little_endian(trial: ServerTrial, _: Place, images: Gallery) -> None:
     """Colours that are from 0 to 1 only if their bytes are read from the other end."""
-    for image in scanned(trial):
-        swapped = image.color.byteswap()
+    for image in images.some():
+        right, swapped = _sensible(image.color), _sensible(image.color.byteswap())
         trial.expect(
-            _is_colour(image.color) or not _is_colour(swapped) or not swapped.any(),
+            not (swapped == 1.0 and right < MOST and image.color.any()),
             "big-endian",
-            f"image {image.frame['seq']} holds colours from 0 to 1 if they are read as big-endian",
+            f"colours of image {image.frame['seq']} are from 0 to 1 if they are read as big-endian",
         )
 
 
-@check("BUF-3", observable="every colour of some images", on={SERVER: PIXELS})
-def check_colours_are_from_0_to_1(trial: ServerTrial) -> None:
-    """Every number of every pixel, of images from around the first view."""
-    for image in scanned(trial):
+@check("BUF-3", on=SHOWN, given=gallery)
+def check_colours_are_from_0_to_1(trial: ServerTrial, _: Place, images: Gallery) -> None:
+    """Every number of every pixel, of images from several cameras."""
+    for image in images.some():
         with np.errstate(invalid="ignore"):
             wrong = ~((image.color >= 0.0) & (image.color <= 1.0))
-        if wrong.any():
-            row, column, channel = np.argwhere(wrong)[0]
-            name, value = "red green blue alpha".split()[channel], image.color[wrong][0]
-            trial.violated(
-                "out-of-range",
-                f"{wrong.sum()} numbers of image {image.frame['seq']} are not from 0 to 1:"
-                f" {name} of row {row}, column {column} is {value}",
-            )
+        what = "colours that are not from 0 to 1"
+        _expect_none(trial, "out-of-range", what, wrong, image, image.color)
 
 
-@check("BUF-5", observable="alpha where something is seen", on={SERVER: PIXELS})
-def check_alpha_is_1_where_there_is_none(trial: ServerTrial) -> None:
+@check("BUF-5", on=SHOWN, given=gallery)
+def check_alpha_is_1_where_there_is_none(trial: ServerTrial, _: Place, images: Gallery) -> None:
     """Alpha that is the same everywhere, whatever is seen, was not rendered: then it is 1."""
-    images = list(scanned(trial))
-    alphas = {float(alpha) for image in images for alpha in np.unique(image.color[..., 3])[:2]}
-    if len(alphas) == 1 and alphas != {1.0}:
-        trial.violated(
-            "wrong-alpha",
-            f"alpha is {alphas.pop()} in every pixel of {len(images)} images, empty or not: a"
-            " renderer that gives none has to store 1",
-        )
+    seen = list(images.some())
+    if not any(image.covered().any() for image in seen):
+        trial.not_observable("nothing is seen in its images")
+    alphas = {float(alpha) for image in seen for alpha in np.unique(image.color[..., 3])[:2]}
+    trial.expect(
+        len(alphas) > 1 or alphas == {1.0},
+        "wrong-alpha",
+        f"alpha is {min(alphas)} in every pixel of {len(seen)} images, empty or not: a"
+        " renderer that gives none has to store 1",
+    )
 
 
-@check(
-    "BUF-7", observable="depths where alpha is 0, and those that are no depth", on={SERVER: PIXELS}
-)
-def check_empty_pixels_are_infinitely_far(trial: ServerTrial) -> None:
-    """Every depth is one of a surface, or +∞, 100.0 or what the init packet announces."""
+@check("BUF-6", on=SHOWN, given=gallery)
+def check_depth_is_planar(trial: ServerTrial, place: Place, images: Gallery) -> None:
+    """What is no planar depth in scene units fits no image from elsewhere, and no scene that is
+    known.
+    """
+    if place == "host":
+        first = first_view(trial, 0.0)
+        alpha = first.color[..., 3]
+        opaque = alpha >= OPAQUE
+        if opaque.any() and (alpha == 0.0).any():  # else it may be of a background alone
+            deep = first.covered()[opaque].any()
+            what = f"none of {opaque.sum()} pixels with an alpha from {OPAQUE} has a depth"
+            trial.expect(deep, "no-depth", what)
+    images.judge(DEPTHS, 1.0, 0.01, 100.0)
+
+
+@check("BUF-7", on=SHOWN, given=gallery)
+def check_empty_pixels_are_infinitely_far(trial: ServerTrial, _: Place, images: Gallery) -> None:
+    """Every depth is one of a surface, or +∞, 100.0 or what the init packet announces. That pixels
+    without alpha are empty is told only of images whose colour and depth are of one moment.
+    """
     transparent = 0
-    for image in scanned(trial):
-        seq, depth, clear = image.frame["seq"], image.depth, _transparent(image)
+    for image in images.some():
         with np.errstate(invalid="ignore"):
-            senseless = ~(depth > 0) & ~np.isin(depth, image.empties())
-        if senseless.any():
-            row, column = np.argwhere(senseless)[0]
-            trial.violated(
-                "not-a-depth",
-                f"{senseless.sum()} depths of image {seq} are neither positive nor what is empty:"
-                f" {depth[row, column]} at row {row}, column {column}",
-            )
+            senseless = ~(image.depth > 0) & ~np.isin(image.depth, image.empties())
+        what = "depths that are neither positive nor what is empty"
+        _expect_none(trial, "not-a-depth", what, senseless, image, image.depth)
+        clear = _transparent(image)
         transparent += int(clear.sum())
-        if value := _sentinel(image, clear):
-            trial.violated(
-                "wrong-empty-value",
-                f"image {seq} stores {value} where nothing is seen, not +∞ or 100.0",
-            )
-    if not transparent:
+        value = None if images.legacy else _sentinel(image, clear)
+        trial.expect(
+            not value,
+            "wrong-empty-value",
+            f"image {image.frame['seq']} stores {value} where nothing is seen, not +∞ or 100.0",
+        )
+    if not (transparent or images.legacy):
         trial.not_observable("no pixel of these images is transparent")
 
 
-@check("ACC-9", observable="depths where alpha is less than 1/255", on={SERVER: PIXELS})
+@check("ACC-9", on={SERVER: PIXELS})
 def check_transparent_pixels_are_empty(trial: ServerTrial) -> None:
     """A pixel whose alpha is less than 1/255 holds no surface."""
     transparent = 0
-    for image in scanned(trial):
+    for image in HostGallery(trial).some():
         clear = _transparent(image)
         transparent += int(clear.sum())
-        wrong = clear & image.covered()
-        if wrong.any() and not _sentinel(image, clear):
-            row, column = np.argwhere(wrong)[0]
-            trial.violated(
-                "transparent-with-depth",
-                f"{wrong.sum()} pixels of image {image.frame['seq']} have an alpha below 1/255 and"
-                f" yet a depth: {image.color[row, column, 3]} and {image.depth[row, column]} at row"
-                f" {row}, column {column}",
-            )
+        wrong = clear & image.covered() & (not _sentinel(image, clear))
+        what = "pixels with a depth, and yet an alpha below 1/255"
+        _expect_none(trial, "transparent-with-depth", what, wrong, image, image.depth)
     if not transparent:
         trial.not_observable("no pixel of these images is transparent")
 
 
-def _is_colour(color: NDArray[np.float32]) -> bool:
+def _expect_none(
+    trial: ServerTrial, code: str, what: str, wrong: Mask, image: CapturedFrame, stored: Pixels
+) -> None:
+    """None of these pixels, or of their numbers, is what it must not be."""
+    if wrong.any():
+        row, column, *_ = np.argwhere(wrong)[0]
+        trial.violated(
+            code,
+            f"{what}: {wrong.sum()} of {wrong.size} in image {image.frame['seq']},"
+            f" {stored[wrong][0]} at row {row}, column {column}",
+        )
+
+
+def _sensible(color: Pixels) -> float:
+    """The share of the numbers other than 0 that are colours, and not as good as 0."""
+    numbers = color[color != 0]
     with np.errstate(invalid="ignore"):
-        return bool(((color >= 0.0) & (color <= 1.0)).all())
+        return float(((numbers >= SMALLEST) & (numbers <= 1.0)).mean()) if numbers.size else 1.0
 
 
 def _transparent(image: CapturedFrame) -> Mask:
@@ -187,15 +179,11 @@ def _sentinel(image: CapturedFrame, clear: Mask) -> float | None:
 # When it is stored
 
 
-@check(
-    "IMG-4",
-    observable="the bytes of an image that is held, while others are made",
-    on={SERVER: PIXELS},
-)
+@check("IMG-4", on={SERVER: PIXELS})
 def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
     """An image is held while the camera moves on and the ring goes round, more than once."""
     first, rng = first_view(trial, 0.0), random.Random(trial.seed)
-    capture = FrameCapture(trial)
+    capture, told = FrameCapture(trial), False
     steps = ROUNDS * capture.slots
     for _ in trial.each(range(100 if trial.thorough else 2)):
         capture.go(anywhere(first, rng))
@@ -215,16 +203,14 @@ def check_what_is_lent_is_not_written(trial: ServerTrial) -> None:
         following = capture.hold()
         capture.give_back(following)
         if following.frame["seq"] - held.frame["seq"] > capture.slots:
-            trial.delivered += 1
+            told = True
         else:
             steps = min(2 * steps, MOST_STEPS)
-    if not trial.delivered:
+    if not told:
         trial.not_observable("while an image is held, the server publishes too few others")
 
 
-@check(
-    "IMG-6", observable="the bytes of an image when its frame comes, and later", on={SERVER: PIXELS}
-)
+@check("IMG-6", on={SERVER: PIXELS})
 def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
     """An image is read the moment that its frame comes, and again while the camera rests."""
     first, rng = first_view(trial, 0.0), random.Random(trial.seed)
@@ -235,7 +221,6 @@ def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
         trial.rest(GLANCE_SECONDS)
         changed = _changed(held, capture.again(held))
         capture.give_back(held)
-        trial.delivered += 1
         trial.expect(
             not changed,
             "lent-unfinished",
@@ -243,11 +228,7 @@ def check_images_are_whole_when_they_are_lent(trial: ServerTrial) -> None:
         )
 
 
-@check(
-    "IMG-5",
-    observable="images of a camera that moves, against those of it at rest",
-    on={SERVER: PIXELS},
-)
+@check("IMG-5", on={SERVER: PIXELS})
 def check_colour_and_depth_are_of_one_moment(trial: ServerTrial) -> None:
     """The camera moves all the time; then it goes back to where each image says it was."""
     first, rng = first_view(trial), random.Random(trial.seed)
@@ -263,7 +244,6 @@ def check_colour_and_depth_are_of_one_moment(trial: ServerTrial) -> None:
         capture.give_back(images[-1])
     for image in images:
         _expect_right(trial, capture, image, ("color", "depth"), "while the camera moved")
-        trial.delivered += 1
 
 
 TURNS = (["color"], ["depth"], ["depth", "color"], ["depth"], ["color"], ["color", "depth"])
@@ -271,9 +251,7 @@ ONE_TOO_LATE = 4
 """In this turn depth is asked for once the image was given back, and nobody else wants colour."""
 
 
-@check(
-    "IMG-20", observable="the channels that were asked for, of every frame", on={SERVER: SUBSCRIBES}
-)
+@check("IMG-20", on={SERVER: SUBSCRIBES})
 def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
     """Colour and depth are asked for in turns, while an image is held and the camera moves; and the
     other one once it was given back, which comes too late for the next. There is an image by then
@@ -306,7 +284,6 @@ def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
     for image, channels in found:
         why = f"after a subscription to {' and '.join(channels)}"
         _expect_right(trial, capture, image, channels, why)
-        trial.delivered += 1
 
 
 def _further_reader(trial: ServerTrial) -> FrameCapture | None:

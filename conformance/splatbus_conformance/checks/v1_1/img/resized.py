@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from splatbus_conformance.checks import SERVER, Cases, check
-from splatbus_conformance.checks.v1_0.buf.servers import WHOLE
 from splatbus_conformance.images.known_scene import render
 from splatbus_conformance.trials.moves.frame_readers import fell_silent
 from splatbus_conformance.trials.moves.image_session import elsewhere
@@ -17,7 +16,7 @@ from splatbus_conformance.trials.moves.resizing import (
     other_sizes,
     sitting,
 )
-from splatbus_conformance.trials.moves.survey import first_view, likeness
+from splatbus_conformance.trials.moves.survey import WHOLE, first_view, likeness
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.messages import Json

@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 
 from splatbus_conformance.checks import SERVER, Cases, check
-from splatbus_conformance.checks.v1_0.cud.servers import announced, calls_of
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.memory.cuda_stand_in import publishing
 from splatbus_conformance.images.memory.cuda_stand_in.session import SLOW_RECORDS
 from splatbus_conformance.trials.controls import shows
+from splatbus_conformance.trials.moves.announced import announced, calls_of
 from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import (
     LENDS,

@@ -8,11 +8,10 @@ LENDS = ("1.1", "cuda", "device", "capability:cuda_ipc", "capability:frames")
 
 @check(
     "MEM-2",
-    observable="what opening its memory and its events comes to",
     on={SERVER: LENDS},
     cases=Cases(range(3)),
 )
-def check_announces_device_memory_that_is_there(trial: ServerTrial, _: int) -> None:
+def check_announces_device_memory_that_is_there(trial: ServerTrial, _: int) -> bool:
     """The device of `deviceUuid`, the allocation of `handle`, which holds `bytes`, and the event of
     each slot are opened, for several readers at a time.
     """
@@ -26,4 +25,4 @@ def check_announces_device_memory_that_is_there(trial: ServerTrial, _: int) -> N
             "anybody here could open it"
         )
     trial.expect(not refusal, "not-openable", f"its memory cannot be opened: {refusal}")
-    trial.delivered += dealings.memory is not None
+    return dealings.memory is not None

@@ -5,7 +5,7 @@ an image can show is a breach that single precision does not explain, and that i
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from splatbus_conformance.cases.valid.numbers import hard_numbers, nearest, spelled_as
 from splatbus_conformance.cases.valid.poses import Pose
-from splatbus_conformance.checks import SERVER, check
+from splatbus_conformance.checks import SERVER, SERVER_DEVICE, SERVER_HOST, Cases, Place, check
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.hard_views import HardView, hardest, staged, stages
 from splatbus_conformance.images.known_scene import (
@@ -28,12 +28,15 @@ from splatbus_conformance.images.pinhole import ObjectPlacement, Reals, Rigid, r
 from splatbus_conformance.images.registration import Registration, register
 from splatbus_conformance.images.reprojection import AS_SPECIFIED, named
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.frame_capture import FrameCapture, aside
+from splatbus_conformance.trials.moves.exchanges.exchange import in_use
+from splatbus_conformance.trials.moves.frame_capture import AT_REST, FrameCapture, aside
+from splatbus_conformance.trials.moves.gallery import Gallery, HostGallery, gallery
+from splatbus_conformance.trials.moves.survey import WHOLE
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import camera_pose
 
 SCENE = ("1.1", "frames", "pixels", "scene")
-REGISTERED = "the camera that images of a known scene were rendered with, to 7 digits"
+SHOWN = {SERVER_HOST: SCENE, SERVER_DEVICE: ("cuda", "device")}
 VISIBLE = 1e-5
 """What is off by more than this is seen in an image of single precision."""
 SINGLE = 2.0**-23
@@ -44,14 +47,11 @@ SMALL = 12_000
 """Pixels of an image up to which there are as many cases as wanted, and fewer of larger ones."""
 ASTRAY = 0.05
 """An image whose depths are mostly off by more, relative, is of another camera."""
-WHOLE = 0.99
-"""The share of the certain pixels that have to be right."""
 ORDERED = 1e-3
 """How much farther, relative, a surface has to be to count as farther: less is lost by whoever
 renders in single precision, and then d itself is out of order."""
 NEIGHBOURS = [(repr(near), repr(near), "0.1") for near in (0.3, math.nextafter(0.3, 1.0), 0.3)]
 """A frame of the one is none of the other, though no tolerance tells them apart."""
-AT_ORIGIN = Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 LOOKS_DOWN = (-math.sin(0.25), 0.0, 0.0, math.cos(0.25))
 
 
@@ -64,18 +64,13 @@ class ShownView(NamedTuple):
     scene: Rigid
 
 
-Take = Callable[[Pose, Pose], CapturedFrame]
-"""What shows a camera and a scene."""
-
-
 def shown(
-    trial: ServerTrial, farthest: float, quick: int, full: int, take: Take | None = None
+    trial: ServerTrial, images: Gallery, farthest: float, quick: int, full: int = 500
 ) -> Iterator[ShownView]:
-    """Cameras and scenes up to so far from the origin, and the image that came of each; it is a
-    frame's, unless something else is to take it, and then it takes longer.
-    """
-    kind = None if take is None else _norm
-    take = take or FrameCapture(trial).take
+    """Cameras and scenes up to so far from the origin, and the image that came of each."""
+    kind = None
+    if images.legacy:
+        kind, quick, full = _norm, 2, 100
     salt, (width, height) = trial.requirement.id, trial.facts.size
     quick = max(2, min(quick, quick * SMALL // (width * height)))  # the first one is simple
     listed, drawn = hardest(salt, farthest), stages(salt, farthest)
@@ -83,7 +78,7 @@ def shown(
         listed, drawn, kind=kind, spare=0, quick=quick, full=full, search=salt
     ):
         stage = HardView(Pose(*map(tuple, camera)), Pose(*map(tuple, scene_)))
-        photograph, scene = take(*stage), rigid(*stage.scene)
+        photograph, scene = images.take(*stage), rigid(*stage.scene)
         if not np.allclose(photograph.camera.pose.position, stage.camera.position, rtol=1e-5):
             what = f"a camera was put to {stage.camera}, and a frame names {photograph.pose}"
             near = named(photograph.camera.pose, stage.camera) is AS_SPECIFIED
@@ -93,10 +88,10 @@ def shown(
         yield ShownView(stage, photograph, render(photograph.camera, setting), scene)
 
 
-@check("IMG-5", observable="every pixel of images of a known scene", on={SERVER: SCENE})
+@check("IMG-5", on={SERVER: SCENE})
 def check_every_pixel_is_of_the_camera(trial: ServerTrial) -> None:
     """Cameras and scenes turned in every way: colour and depth of each pixel have to be right."""
-    for stage, photograph, exact, _ in shown(trial, 10.0, 8, 500):
+    for stage, photograph, exact, _ in shown(trial, HostGallery(trial), 10.0, 8):
         depth, right = photograph.planar(), exact.depth_is_right(photograph.planar())
         color = exact.color_error(photograph.color)
         both = exact.certain & np.isfinite(depth) & np.isfinite(exact.depth)
@@ -118,12 +113,12 @@ def check_every_pixel_is_of_the_camera(trial: ServerTrial) -> None:
             )
 
 
-@check("ACC-13", observable="every pixel of images of a known scene, far off", on={SERVER: SCENE})
+@check("ACC-13", on={SERVER: SCENE})
 def check_every_pixel_is_what_single_precision_can_do(trial: ServerTrial) -> None:
     """Cameras and scenes up to a million units from the origin: colour and depth of every pixel but
     those next to an edge, a tie or a clipping plane.
     """
-    for stage, photograph, exact, _ in shown(trial, 1e6, 4, 500):
+    for stage, photograph, exact, _ in shown(trial, HostGallery(trial), 1e6, 4):
         errors = (
             ("colour", exact.color_error(photograph.color), COLOR_BUDGET, ""),
             ("depth", exact.depth_error(photograph.planar()), DEPTH_BUDGET, "of itself"),
@@ -134,15 +129,15 @@ def check_every_pixel_is_what_single_precision_can_do(trial: ServerTrial) -> Non
     trial.expect_within_budgets()
 
 
-@check("ACC-12", observable="depths of a known scene, from near to far", on={SERVER: SCENE})
+@check("ACC-12", on={SERVER: SCENE})
 def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
     """The scene from 1 to 50 units away, all of it opaque: no pixel may hold a smaller depth than
     one whose surface is nearer.
     """
     capture, compared = FrameCapture(trial), 0
-    capture.take(aside(AT_ORIGIN))  # shows that no other connection has control any more
+    capture.take(aside(AT_REST))  # shows that no other connection has control any more
     for away in trial.each((1.0, 5.0, 15.0, 30.0, 50.0)):
-        stage = staged(AT_ORIGIN, Pose((0.0, -0.5 * away, -0.8 * away), LOOKS_DOWN))
+        stage = staged(AT_REST, Pose((0.0, -0.5 * away, -0.8 * away), LOOKS_DOWN))
         photograph = capture.take(*stage)
         setting = trial.facts.setting(photograph.frame, ObjectPlacement(rigid(*stage.scene)))
         exact = render(photograph.camera, setting)
@@ -164,10 +159,10 @@ def check_what_is_farther_has_no_smaller_depth(trial: ServerTrial) -> None:
         trial.not_observable("no image showed surfaces at two depths")
 
 
-@check("BUF-2", observable="the colours of a known scene", on={SERVER: SCENE})
+@check("BUF-2", on={SERVER: SCENE})
 def check_colour_is_red_green_blue_alpha(trial: ServerTrial) -> None:
     """The four numbers of a pixel, against those of the scene in every order."""
-    for stage, photograph, exact, _ in shown(trial, 10.0, 1, 20):
+    for stage, photograph, exact, _ in shown(trial, HostGallery(trial), 10.0, 1, 20):
         seen = exact.certain & (exact.what != NOTHING)
         given, wanted = photograph.color[seen], exact.color[seen]
         for order, words in (
@@ -183,15 +178,12 @@ def check_colour_is_red_green_blue_alpha(trial: ServerTrial) -> None:
             )
 
 
-Registered = Iterator[tuple[ShownView, Registration, float]]
-
-
 def registered(
-    trial: ServerTrial, farthest: float, quick: int, full: int, take: Take | None = None
-) -> Registered:
+    trial: ServerTrial, images: Gallery, farthest: float, quick: int
+) -> Iterator[tuple[ShownView, Registration, float]]:
     """The camera of each image as the image has it, and how far from it single precision can be."""
     found = 0
-    for it in shown(trial, farthest, quick, full, take):
+    for it in shown(trial, images, farthest, quick):
         camera = it.photograph.camera
         of_image = register(camera, it.photograph.planar(), it.exact, it.scene)
         if of_image is None:
@@ -218,68 +210,29 @@ def registered(
         trial.not_observable("no image showed enough of the scene")
 
 
-@check("ACC-14", observable="the camera of a frame, to the last bit", on={SERVER: ("frames",)})
-def check_numbers_are_read_to_the_last_bit(trial: ServerTrial) -> None:
-    """Positions in decimals next to halfway between two doubles, exact ones, and of 17 digits; some
-    of them one unit in the last place apart. A server may hold them in single precision, rounded
-    once more.
-    """
-    steering, poser = CameraControl(trial), trial.dial("msg")
-    numbers = st.tuples(hard_numbers(), hard_numbers(), hard_numbers())
-    for texts in trial.each(NEIGHBOURS, numbers, quick=30, full=1000):
-        position = tuple(map(nearest, texts))
-        pose = camera_pose(position)
-        outcome = steering.takes(
-            poser, pose, spelled_as(pose, dict(zip("xyz", texts, strict=True)))
-        )
-        if outcome != "accepts":
-            missed = f"no frame shows a camera at {', '.join(texts)}; it is at {steering.now()}"
-            trial.expect(not trial.delivered, "not-applied", missed)
-            trial.not_observable(missed)
-        for text, right, told in zip(texts, position, steering.now().position, strict=True):
-            trial.expect(
-                told in (right, float(np.float32(right))),
-                "misrounded",
-                f"{text} was taken for {told!r}, and {right!r} is nearest to it",
-            )
-
-
-@check("ACC-2", observable=REGISTERED, on={SERVER: SCENE})
-def check_rotations_are_those_of_the_quaternion(trial: ServerTrial) -> None:
+@check("ACC-2", on=SHOWN, given=gallery)
+def check_rotations_are_those_of_the_quaternion(
+    trial: ServerTrial, _: Place, images: Gallery
+) -> None:
     """Quaternions of norms from 0.9905 to 1.0095, half-turns, and next to the identity."""
-    expect_rotations(trial, registered(trial, 1.0, 5, 500))
-
-
-def expect_rotations(trial: ServerTrial, images: Registered) -> None:
-    """Each entry of the rotation matrices is right."""
-    for it, image, visible in images:
+    for it, image, visible in registered(trial, images, 1.0, 5):
         error = float(np.abs(image.rotation - it.photograph.camera.pose.rotation).max())
         trial.measured("entry of the rotation matrix", error, visible, "", str(it.stage.camera))
     trial.expect_within_budgets()
 
 
-@check("ACC-3", observable=REGISTERED, on={SERVER: SCENE})
-def check_rotations_do_not_shear(trial: ServerTrial) -> None:
+@check("ACC-3", on=SHOWN, given=gallery)
+def check_rotations_do_not_shear(trial: ServerTrial, _: Place, images: Gallery) -> None:
     """‖RᵀR − I‖₂ of the matrix that the image was rendered with."""
-    expect_no_shear(trial, registered(trial, 1.0, 5, 500))
-
-
-def expect_no_shear(trial: ServerTrial, images: Registered) -> None:
-    """‖RᵀR − I‖₂ is 0."""
-    for it, image, visible in images:
+    for it, image, visible in registered(trial, images, 1.0, 5):
         trial.measured("‖RᵀR − I‖₂", image.shear, 2 * visible, "", str(it.stage.camera))
     trial.expect_within_budgets()
 
 
-@check("ACC-4", observable=REGISTERED, on={SERVER: SCENE})
-def check_translations_are_exact(trial: ServerTrial) -> None:
+@check("ACC-4", on=SHOWN, given=gallery)
+def check_translations_are_exact(trial: ServerTrial, _: Place, images: Gallery) -> None:
     """t = −Rᵀ·c of the view, for cameras up to 1,000 units from the origin."""
-    expect_translations(trial, registered(trial, 1e3, 3, 500))
-
-
-def expect_translations(trial: ServerTrial, images: Registered) -> None:
-    """The translations of the views are right."""
-    for it, image, visible in images:
+    for it, image, visible in registered(trial, images, 1e3, 3):
         pose = it.photograph.camera.pose
         wanted = -pose.rotation.T @ pose.position
         # A rotation that is off would show here, too, by as much as the camera is far: ACC-2.
@@ -288,21 +241,20 @@ def expect_translations(trial: ServerTrial, images: Registered) -> None:
     trial.expect_within_budgets()
 
 
-@check("ACC-5", observable=REGISTERED, on={SERVER: SCENE})
-def check_the_camera_is_where_it_was_put(trial: ServerTrial) -> None:
+@check("ACC-5", on=SHOWN, given=gallery)
+def check_the_camera_is_where_it_was_put(trial: ServerTrial, _: Place, images: Gallery) -> None:
     """The camera's centre, as the image has it, up to 10,000 units from the origin."""
-    expect_centres(trial, registered(trial, 1e4, 3, 500))
+    _expect_centres(trial, images, 1e4)
 
 
-@check("ACC-6", observable=REGISTERED, on={SERVER: SCENE})
-def check_single_precision_is_rounded_once(trial: ServerTrial) -> None:
+@check("ACC-6", on=SHOWN, given=gallery)
+def check_single_precision_is_rounded_once(trial: ServerTrial, _: Place, images: Gallery) -> None:
     """Cameras up to 100,000 units from the origin, where each digit that was lost is seen."""
-    expect_centres(trial, registered(trial, 1e5, 3, 500))
+    _expect_centres(trial, images, 1e5)
 
 
-def expect_centres(trial: ServerTrial, images: Registered) -> None:
-    """The camera's centre is where it was put."""
-    for it, image, visible in images:
+def _expect_centres(trial: ServerTrial, images: Gallery, farthest: float) -> None:
+    for it, image, visible in registered(trial, images, farthest, 3):
         wanted = it.photograph.camera.pose.position
         _measure(trial, "camera centre", image.position, wanted, visible, str(it.stage.camera))
     trial.expect_within_budgets()
@@ -315,6 +267,34 @@ def _measure(
     unit = SINGLE * max(1.0, float(np.linalg.norm(wanted)))
     error, budget = float(np.linalg.norm(image - wanted)) / unit, RENDERER + visible / unit
     trial.measured(what, error, budget, "ULP of single precision", input)
+
+
+@check(
+    "ACC-14",
+    on={SERVER: ("frames",)},
+    given=CameraControl,
+    cases=Cases(NEIGHBOURS, st.tuples(*(hard_numbers() for _ in "xyz")), quick=30, full=1000),
+)
+def check_numbers_are_read_to_the_last_bit(
+    trial: ServerTrial, steering: CameraControl, texts: tuple[str, str, str]
+) -> None:
+    """Positions in decimals next to halfway between two doubles, exact ones, and of 17 digits; some
+    of them one unit in the last place apart. A server may hold them in single precision, rounded
+    once more.
+    """
+    position = tuple(map(nearest, texts))
+    pose = camera_pose(position)
+    spelled = spelled_as(pose, dict(zip("xyz", texts, strict=True)))
+    if steering.takes(in_use(trial), pose, spelled) != "accepts":
+        missed = f"no frame shows a camera at {', '.join(texts)}; it is at {steering.now()}"
+        trial.expect(trial.number, "not-applied", missed)
+        trial.not_observable(missed)
+    for text, right, told in zip(texts, position, steering.now().position, strict=True):
+        trial.expect(
+            told in (right, float(np.float32(right))),
+            "misrounded",
+            f"{text} was taken for {told!r}, and {right!r} is nearest to it",
+        )
 
 
 def _norm(stage: HardView) -> float:

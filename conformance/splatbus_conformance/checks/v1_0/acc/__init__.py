@@ -1,1 +1,0 @@
-"""Accuracy: ACC (spec 1.0 section 5.4)."""

@@ -1,1 +1,0 @@
-"""Poses: POS (spec 1.0 chapter 6)."""
