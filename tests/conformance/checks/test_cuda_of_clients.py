@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.checks.v1_0.cud import clients as device
 from splatbus_conformance.checks.v1_0.ini import device as device_packets
 from splatbus_conformance.checks.v1_1.img import clients_device
@@ -21,7 +22,11 @@ pytestmark = pytest.mark.apart
 
 MINIATURES = Path(__file__).parents[1] / "miniatures"
 OF_IMAGES, OF_FRAMES = MINIATURES / "cuda_client.py", MINIATURES / "cuda_frames.py"
-CHECKS = {OF_IMAGES: checks_in(device, device_packets), OF_FRAMES: checks_in(clients_device)}
+ALSO_AT_DEVICE = {it.name: it for it in checks_of("client") if "device" in it.places}
+CHECKS = {
+    OF_IMAGES: checks_in(device, device_packets) | ALSO_AT_DEVICE,
+    OF_FRAMES: checks_in(clients_device),
+}
 ALL_CHECKS = CHECKS[OF_IMAGES] | CHECKS[OF_FRAMES]
 
 
@@ -194,15 +199,15 @@ BROKEN = {
     "handles one packet a read": (
         "                    yield message\n",
         "                    yield message\n            break\n",
-        "check_opens_what_comes_in_pieces",
-        "neither reacted nor went on",
+        "check_any_segmentation",
+        "device: 3 packets of",
     ),
     "goes on with half a packet on the next connection": (
         "            return\n        data += chunk",
         '            globals()["kept"] = data\n            return\n'
         '        data = globals().pop("kept", b"") + data + chunk',
-        "check_opens_what_follows_half_a_packet",
-        "a whole packet after",
+        "check_half_packet_is_discarded",
+        "device: a connection that ends",
     ),
     "takes integers without a fraction only": (
         "number = isinstance(value, int | float)",

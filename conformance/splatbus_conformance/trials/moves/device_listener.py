@@ -3,15 +3,18 @@
 What is broken comes first on its connection, since some clients read no other packet there.
 """
 
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.trial import REACTION_SECONDS
+from splatbus_conformance.trials.trial import REACTION_SECONDS, Trial
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
+DEVICE = ("stand-in", "ipc")
+"""What a check needs that is tried there."""
 GLANCE_SECONDS = 0.02
 """For a client to close, before it is sent the next packet."""
 
@@ -24,6 +27,7 @@ class DeviceListener:
 
     def __init__(self, trial: ClientTrial, held: ExitStack) -> None:
         self._trial, self._held = trial, held
+        held.callback(setattr, trial.role, "speaks", trial.role.speaks)
         trial.role.speaks, trial.role.offers_memory = "1.0", False
         held.callback(self._leave)
         self._further: Connection | None = None
@@ -137,3 +141,13 @@ class DeviceListener:
         for connection in self._trial.peer.connections:
             if connection.channel == "ipc":
                 connection.close()
+
+
+@contextmanager
+def listening(trial: Trial, place: str) -> Iterator[DeviceListener | None]:
+    """What a check has in hand where images are in device memory; nothing elsewhere."""
+    with ExitStack() as held:
+        if isinstance(trial, ClientTrial) and place == "device":
+            yield DeviceListener(trial, held)
+        else:
+            yield None

@@ -16,16 +16,6 @@ from splatbus_conformance.cases.malformed.init_packets import (
 )
 from splatbus_conformance.cases.malformed.text import broken_texts
 from splatbus_conformance.checks import CLIENT, check
-from splatbus_conformance.checks.v1_0.frm.clients import ENDS, inside
-from splatbus_conformance.checks.v1_0.frm.pieces import (
-    APART_SECONDS,
-    DRAWN_FIRST,
-    FIRST,
-    Cuts,
-    fewer,
-    in_utf_8,
-    send_cut,
-)
 from splatbus_conformance.checks.v1_0.ini.clients import OTHERS, TYPES
 from splatbus_conformance.checks.v1_0.jsn.next_packet import ALONE, ignoring
 from splatbus_conformance.checks.v1_0.jsn.writers import (
@@ -37,7 +27,6 @@ from splatbus_conformance.checks.v1_0.jsn.writers import (
 )
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.device_listener import DeviceListener
-from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
 from splatbus_conformance.trials.trial import ENDING_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json, encode, init_packet_1_0
@@ -195,45 +184,6 @@ def check_opens_what_follows_other_objects(trial: ClientTrial) -> None:
                 outcome = "accepts"
             shown = shorten(encode(row[0]).decode(), 80)
             trial.judge(outcome, f"{len(row)} objects before the init packet, the first {shown}")
-            trial.delivered += 1
-
-
-@check("FRM-4", observable="whether the memory of a packet in pieces is opened", on={CLIENT: OPENS})
-def check_opens_what_comes_in_pieces(trial: ClientTrial) -> None:
-    """Init packets arrive byte by byte, cut in the header, inside characters of more than one byte,
-    and anywhere, and joined to others.
-    """
-    with ExitStack() as held:
-        listening = DeviceListener(trial, held)
-        for cuts in trial.each(FIRST, DRAWN_FIRST, quick=2, full=300, simpler=fewer):
-            connection, good = listening.fresh(), listening.image()
-            data = b"".join(map(in_utf_8, (STRANGER, good.init_packet(), STRANGER)))
-            send_cut(trial, connection, data, Cuts(*cuts))
-            opened = listening.comes_to_open(connection, good)
-            outcome = "accepts" if opened else "hangs"
-            trial.judge(outcome, f"an init packet of {len(data)} bytes, cut {cuts}")
-            trial.delivered += 1
-
-
-@check(
-    "FRM-6",
-    observable="whether the memory of a whole packet is opened after half of another",
-    on={CLIENT: (*OPENS, "reconnects:ipc")},
-    may_crash=True,
-)
-def check_opens_what_follows_half_a_packet(trial: ClientTrial) -> None:
-    """The connection ends inside an init packet, in the header and later; the next has a whole."""
-    with ExitStack() as held:
-        listening = DeviceListener(trial, held)
-        for kept, end in trial.each(ENDS, kind=inside):
-            connection, good = listening.fresh(), listening.image()
-            connection.send(packet(encode(good.init_packet()))[:kept])
-            trial.rest(APART_SECONDS)
-            getattr(connection, end)()
-            again = trial.next_connection("ipc")
-            opened = again is not None and listening.opens(again, good)
-            outcome = "reconnects" if opened else "hangs"
-            trial.judge(outcome, f"a whole packet after {kept} bytes of another")
             trial.delivered += 1
 
 

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from splatbus_conformance.cases.malformed.init_packets import breaches_of_1_0, changed
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
 from splatbus_conformance.checks import CLIENT, check
-from splatbus_conformance.checks.v1_0.frm.clients import ENDS, inside
 from splatbus_conformance.checks.v1_0.ini.clients import OTHERS, TYPES
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.unheard import (
@@ -24,25 +23,6 @@ HANDLES = ("", "A" * 88, "A" * 87, "-" * 86 + "==", "=" * 88, 5, None, ["A" * 88
 ON_A_CONNECTION = 8
 PAUSE_SECONDS = 0.003
 """Between payloads of a row, so that a close is seen before the next is sent."""
-
-
-@check(
-    "FRM-6",
-    observable="the testee connects again after half an init packet",
-    on={CLIENT: ("ipc", "reconnects:ipc")},
-    may_crash=True,
-)
-def check_half_packet_is_discarded_unheard(trial: ClientTrial) -> None:
-    """The connection ends inside an init packet: at the first byte, in the header and later."""
-    whole = packet(encode(init_packet_1_0(trial.role.width, trial.role.height)))
-    for kept, end in trial.each(ENDS, kind=inside):
-        connection = silent_connection(trial)
-        connection.send(whole[:kept])
-        trial.rest(REACTION_SECONDS / 10)
-        getattr(connection, end)()
-        outcome = outcome_at_the_end(trial, connection)
-        outcome = "reconnects" if outcome == "lives" else outcome
-        trial.judge(outcome, f"a connection that ends after {kept} bytes of a packet, by {end}")
 
 
 @check(
