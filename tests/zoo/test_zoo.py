@@ -28,7 +28,7 @@ WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
 
 
 def by_miniatures(side):
-    """Checks of device memory alone: broken miniatures fail them (test_cuda_of_…, test_device_…)."""
+    """Checks of device memory alone: broken miniatures fail them (test_cuda_of_…)."""
     shown = {"device", "stand-in"}
     return {f.name for f in checks_of(side) if all(shown & {*it} for it in f.places.values())}
 

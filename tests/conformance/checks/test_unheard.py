@@ -27,7 +27,7 @@ CLOSES_ON_STRANGERS = """
 NAMES = {
     "check_bad_length_closes",
     "check_half_packet_is_discarded",
-    "check_ignores_what_is_no_init_packet_unheard",
+    "check_ignores_what_is_no_init_packet",
     "check_survives_broken_payloads_unheard",
 }
 CHECKS = {it.name: it for it in checks_of("client") if it.name in NAMES}
@@ -74,7 +74,7 @@ def test_one_that_never_comes_back_fails_no_check(tmp_path: Path) -> None:
             [(LISTENS, ONE_A_CONNECTION), ONCE, STAYS],
         ),
         (
-            "check_ignores_what_is_no_init_packet_unheard",
+            "check_ignores_what_is_no_init_packet",
             "the testee closed the connection",
             [(LISTENS, CLOSES_ON_STRANGERS)],
         ),

@@ -31,6 +31,7 @@ from splatbus_conformance.trials.moves.exchanges.exchange import (
     STRANGER,
     asked_on,
     exchange,
+    judge_if_seen,
     refusal,
     require_refusal,
 )
@@ -446,9 +447,7 @@ def check_half_packet_is_discarded(
     outcome = _outcome_anew(trial, place, listener)
     if isinstance(trial, ServerTrial) and how == "reset" and not trial.serves():
         return False  # that is no matter of packets, but of CHN-14
-    if outcome:
-        trial.judge(outcome, f"{what}, and then another")
-    return bool(outcome)
+    return judge_if_seen(trial, outcome, f"{what}, and then another")
 
 
 def _outcome_anew(trial: Trial, place: Place, listener: DeviceListener | None) -> str:

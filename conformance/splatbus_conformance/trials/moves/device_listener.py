@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager
 
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.trial import REACTION_SECONDS, Trial
+from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS, Trial
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
@@ -86,6 +86,18 @@ class DeviceListener:
         trial.uses(lambda: image.opened(trial.calls()) or connection.ended)
         return image.opened(trial.calls())
 
+    def outcome_before(self, script: bytes) -> str:
+        """Send bytes and a good packet in one write, on a new connection: `ignores` (and the good
+        one was opened there), `closes`, `exits`, `dies` or `hangs`.
+        """
+        connection = self.fresh()
+        if self.opens(connection, self.image(), behind=script):
+            return "ignores"
+        # A parser that has gone too deep may take its time to end.
+        self._trial.ends(connection, self._trial.patience)
+        self._trial.wait(self._trial.fate, ENDING_SECONDS)
+        return self._trial.fate() or ("closes" if connection.ended else "hangs")
+
     def outcome_of(self, script: bytes, *, later: bool = False) -> str:
         """Send bytes first on a new connection, then a good packet there, or on the next.
 
@@ -109,20 +121,17 @@ class DeviceListener:
             )
             if seen and not connection.ended:
                 self._try_for_more(connection)
-                trial.delivered += 1
                 return "ignores"
         outcome = "closes" if connection.ended else "ignores"
         if "ipc" not in trial.facts.returns:
             connection.end_stream()
             noticed = trial.ends(connection)
             trial.wait(trial.fate, REACTION_SECONDS)
-            trial.delivered += noticed
             return (trial.fate() or outcome) if noticed else self._died()
         connection.close()
         again = trial.next_connection("ipc")
         if again is None or not self.opens(again, good):
             return trial.fate() or "hangs"
-        trial.delivered += 1
         return outcome
 
     def _try_for_more(self, connection: Connection) -> None:

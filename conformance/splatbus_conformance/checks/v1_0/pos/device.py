@@ -15,7 +15,6 @@ from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import SERVER, check
 from splatbus_conformance.checks.v1_0.acc.device import UNKNOWN_SCENE, LegacyFrameCapture, lens_of
 from splatbus_conformance.checks.v1_0.buf.servers_device import SHOWN, BufferContents, reading
-from splatbus_conformance.checks.v1_0.jsn.servers import in_strings
 from splatbus_conformance.checks.v1_0.pos.same_pose import ASKEW, NOWHERE, PoseFrameCapture
 from splatbus_conformance.checks.v1_0.pos.servers import ORDERS, REVERSE, in_order
 from splatbus_conformance.images.captured import LEGACY_EMPTY, shows_the_scene
@@ -25,6 +24,7 @@ from splatbus_conformance.images.memory.reading import Pixels
 from splatbus_conformance.images.pinhole import STILL, ObjectPlacement
 from splatbus_conformance.images.reprojection import POSES, QUATERNIONS, Misreading
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
+from splatbus_conformance.trials.moves.writers import in_strings
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
 from splatbus_conformance.wire.packets import packet

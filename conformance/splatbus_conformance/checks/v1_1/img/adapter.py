@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from splatbus_conformance.cases.rings import ORDERS, Arrangement
 from splatbus_conformance.checks import CLIENT, check
-from splatbus_conformance.checks.v1_0.jsn.writers import Writer, odd_spelling, spellings
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.painted import Painting, coordinates, sha256, spoilt
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.frame_lender import FrameLender
+from splatbus_conformance.trials.moves.writers import Writer, odd_spelling, spellings
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import texts, within

@@ -17,9 +17,13 @@ from splatbus_conformance.cases.malformed.init_packets import (
     changed,
 )
 from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, Cases, check
-from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet, judge_breaches, offer
 from splatbus_conformance.images.memory.host import LINUX_FOLDER, HostMemory
 from splatbus_conformance.trials.client import ClientTrial
+from splatbus_conformance.trials.moves.exchanges.bait import (
+    for_broken_packet,
+    judge_breaches,
+    offer,
+)
 from splatbus_conformance.trials.testee.os_evidence import holders, writers
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.messages import encode, init_packet_1_1, ring_bytes

@@ -12,7 +12,7 @@ from splatbus_conformance.trials.moves.exchanges.unheard import (
     silent_connection,
 )
 from splatbus_conformance.trials.server import ServerTrial
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, Trial
 from splatbus_conformance.wire.messages import Json, encode, hello, welcome
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel
@@ -148,6 +148,13 @@ def _with_a_server(trial: ServerTrial, place: Place, later: bool) -> Exchange:
     connection = trial.before_hello("ipc")
     said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
     return Exchange(connection, [said], lambda: trial.is_welcomed(connection))
+
+
+def judge_if_seen(trial: Trial, outcome: str, what: str) -> bool:
+    """Judge an outcome, unless it is none; whether it is one."""
+    if outcome:
+        trial.judge(outcome, what)
+    return bool(outcome)
 
 
 def refusal(trial: ClientTrial) -> Exchange:

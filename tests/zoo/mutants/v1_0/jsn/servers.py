@@ -123,7 +123,7 @@ def server_skips_the_packet_after_a_broken_one(patch):
     _skips_the_next_packet(patch, "msg")
 
 
-@mutant("JSN-9", check="check_handles_the_next_packet", code="ignores")
+@mutant("JSN-9", check="check_handles_the_next_packet", code="hangs")
 def server_skips_the_packet_after_a_broken_one_on_ipc(patch):
     """The same on the IPC channel."""
     _skips_the_next_packet(patch, "ipc")
@@ -135,7 +135,7 @@ def server_dies_of_deep_text(patch):
     _dies(patch, "msg", lambda payload: payload.count(b"[") > 50_000)
 
 
-@mutant("JSN-10", check="check_survives_broken_payloads_on_ipc", code="dies")
+@mutant("JSN-10", check="check_survives_broken_payloads_of_readers", code="dies")
 def server_dies_of_what_is_no_object(patch):
     """Takes the members of an array on the IPC channel."""
     _dies(patch, "ipc", lambda payload: payload.startswith(b"["))
