@@ -63,6 +63,13 @@ from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 Trial = ClientTrial | ServerTrial
+
+
+def _judge(trial: Trial, connection: Connection, taken: bool, what: str) -> None:
+    left = "closes" if connection.ended else "ignores"
+    trial.judge("accepts" if taken else trial.fate() or left, what)
+
+
 # Clients
 
 Judge = Callable[[Writer], bool | None]
@@ -118,12 +125,8 @@ def _judge_row(trial: ClientTrial, row: list[Writer], *, anew: bool) -> None:
         not dealings.frames or trial.releases(connection, dealings.frames[-1], trial.patience)
     )
     refused = [offered[it] for it in offered if it not in dealings.opened]
-    outcome = trial.fate() or ("closes" if connection.ended else "ignores")
-    text = (refused or written[-1:])[0].decode()
-    trial.judge(
-        "accepts" if taken and not refused else outcome,
-        f"the message {shorten(text, 400)!r} on the IPC channel",
-    )
+    text = shorten((refused or written[-1:])[0].decode(), 400)
+    _judge(trial, connection, taken and not refused, f"the message {text!r} on the IPC channel")
 
 
 @contextmanager
@@ -136,9 +139,7 @@ def of_images(trial: ClientTrial) -> Iterator[Judge]:
             connection, image = listener.fresh(), listener.image()
             payload = writer(image.init_packet())
             taken = listener.takes(connection, image, payload)
-            left = "closes" if connection.ended else "ignores"
-            outcome = "accepts" if taken else trial.fate() or left
-            trial.judge(outcome, f"the init packet {shown(payload)} of device memory")
+            _judge(trial, connection, taken, f"the init packet {shown(payload)} of device memory")
 
         yield judge
 
@@ -215,8 +216,7 @@ def of_requests(trial: ServerTrial) -> Iterator[Judge]:
             connection.send(packet(script))
         trial.wait(lambda: len(connection.messages) >= before + 2 or connection.ended)
         taken = len(connection.messages) >= before + 2
-        closed = "closes" if connection.ended else "ignores"
-        trial.judge("accepts" if taken else trial.fate() or closed, f"the request {shown(payload)}")
+        _judge(trial, connection, taken, f"the request {shown(payload)}")
         said = connection.messages[before].value or {}
         if another_answer(said, plainly[plain]):  # or what was asked for has changed meanwhile
             plainly[plain] = trial.ask(connection, request) or {}
@@ -285,9 +285,8 @@ def of_receipts(trial: ServerTrial) -> Iterator[Judge]:
         if taken and trial.facts.renders:
             poser.send(packet(encode(camera_pose(((trial.number + 1) % 97 / 4, 0.0, 0.0)))))
             taken = trial.wait(lambda: len(frames) > 1 or connection.ended)
-        closed = "closes" if connection.ended else "ignores"
-        outcome = "accepts" if taken and not connection.ended else trial.fate() or closed
-        trial.judge(outcome, f"the message {shown(written[-1])} on the IPC channel")
+        taken = taken and not connection.ended
+        _judge(trial, connection, taken, f"the message {shown(written[-1])} on the IPC channel")
         trial.viewer.encode = encode
         connection.close()
 
