@@ -15,19 +15,13 @@ from typing import Any, Literal, NamedTuple, Protocol
 from hypothesis.strategies import SearchStrategy
 
 from splatbus_conformance.plan import Side
-from splatbus_conformance.trials.trial import NotObservable
+from splatbus_conformance.trials.trial import NotObservable, Place
 from splatbus_conformance.wire.recording import Channel
 
 DECLARES_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
 OPENS_HOST_MEMORY = (*DECLARES_HOST_MEMORY, "opens")
 """What a check needs that shows by opened memory that the testee goes on."""
 Needs = tuple[str, ...]
-
-
-Place = Channel | Literal["host", "device", "calls"]
-"""A channel, or the memory in which images are: `calls` is that of a device too, where its use is
-seen by the calls of the stand-in CUDA runtime.
-"""
 
 
 class End(NamedTuple):

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence, Sized
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from typing import Any, Literal, NamedTuple, NoReturn, TypeVar
 
 from hypothesis.strategies import SearchStrategy
 from splatbus_schemas import LIMITS
@@ -18,6 +18,10 @@ from splatbus_conformance.wire.recording import Channel, Entry
 from splatbus_conformance.wire.sockets import Connection, Peer
 
 T = TypeVar("T")
+Place = Channel | Literal["host", "device", "calls"]
+"""A channel, or the memory in which images are: `calls` is that of a device too, where its use is
+seen by the calls of the stand-in CUDA runtime.
+"""
 JITTER_SECONDS = 0.03
 """How much closer two events may look than they were, since the harness sees them late."""
 SETTLE_SECONDS = 0.05
@@ -96,7 +100,7 @@ class Trial:
         """Every case that was begun, for each time that the check went through some."""
         self.simpler: list[Callable[[Any], Iterable[Any]]] = []
         """For each time, what makes a drawn case simpler."""
-        self.unseen: dict[str, str] = {}
+        self.unseen: dict[Place, str] = {}
         """Why nothing can be said of a place, of a check that is tried at several."""
         self._going_through = False
         self.before_last_case = 0

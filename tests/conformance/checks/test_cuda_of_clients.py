@@ -11,6 +11,9 @@ from splatbus_conformance.checks.v1_0.cud import clients as device
 from splatbus_conformance.checks.v1_0.ini import device as device_packets
 from splatbus_conformance.checks.v1_1.img import clients as releases
 from splatbus_conformance.checks.v1_1.img import reading
+from splatbus_conformance.checks.registry import checks_of
+from splatbus_conformance.checks.v1_0.cud import clients as device
+from splatbus_conformance.checks.v1_1.img import clients_device
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.device_listener import DeviceListener
 from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
@@ -34,6 +37,12 @@ CHECKS = {
     OF_IMAGES: checks_in(events, device, device_packets),
     OF_FRAMES: {name: OF_ANY_MEMORY[name] for name in OF_A_RING},
 }
+OF_PACKETS = {
+    it.name: it
+    for it in checks_of("client")
+    if "device" in it.places and it.requirement.startswith(("FRM", "INI", "JSN"))
+}
+CHECKS = {OF_IMAGES: checks_in(device) | OF_PACKETS, OF_FRAMES: checks_in(clients_device)}
 ALL_CHECKS = CHECKS[OF_IMAGES] | CHECKS[OF_FRAMES]
 
 
@@ -174,25 +183,25 @@ BROKEN = {
     "does not look at the pitch": (
         'whole(meta["pitchColor"], 16 * w, 16 * w)',
         "True",
-        "check_opens_nothing_of_broken_packets",
+        "check_refuses_broken_init_packets",
         "the testee took it as valid",
     ),
     "takes base64 as it comes": (
         "len(h) == 88 and len(base64.b64decode(h, validate=True)) == 64",
         "len(base64.b64decode(h)) == 64",
-        "check_opens_nothing_of_broken_packets",
+        "check_refuses_broken_init_packets",
         "(INI-7): the testee took it as valid",
     ),
     "reads one packet a connection, and dies of a broken one": (
         'elif packet and "meta" in packet and "type" not in packet and is_good(packet):',
         'elif packet and image is None and "meta" in packet and (is_good(packet) or os.abort()):',
-        "check_opens_nothing_of_broken_packets",
+        "check_refuses_broken_init_packets",
         "the testee died",
     ),
     "reads text as leniently as its language does": (
         "value = json.loads(payload.decode(), parse_float=finite, parse_int=finite, **strict)",
         "return json.loads(payload)",
-        "check_opens_nothing_of_broken_text",
+        "check_does_not_act_on_broken_text",
         "the testee took it as valid",
     ),
     "hears nothing after a broken text": (
@@ -200,50 +209,50 @@ BROKEN = {
         "try:\n                read(payload)\n"
         "            except (ValueError, RecursionError):\n                time.sleep(600)\n"
         "            else:",
-        "check_opens_what_follows_broken_text",
-        "neither reacted nor went on",
+        "check_handles_the_next_packet",
+        "device: the packet after",
     ),
     "takes what has a type for an init packet": (
         'and "type" not in packet ',
         "",
-        "check_opens_what_follows_other_objects",
+        "check_ignores_what_is_no_init_packet",
         "the testee took it as valid",
     ),
     "handles one packet a read": (
         "                    yield message\n",
         "                    yield message\n            break\n",
-        "check_opens_what_comes_in_pieces",
-        "neither reacted nor went on",
+        "check_any_segmentation",
+        "device: 3 packets of",
     ),
     "goes on with half a packet on the next connection": (
         "            return\n        data += chunk",
         '            globals()["kept"] = data\n            return\n'
         '        data = globals().pop("kept", b"") + data + chunk',
-        "check_opens_what_follows_half_a_packet",
-        "a whole packet after",
+        "check_half_packet_is_discarded",
+        "device: a connection that ends",
     ),
     "takes integers without a fraction only": (
         "number = isinstance(value, int | float)",
         "number = isinstance(value, int)",
-        "check_opens_any_spelling",
-        "the testee ignored it",
+        "check_takes_any_spelling",
+        "of device memory: the testee ignored it",
     ),
     "knows all members that there may be": (
         'if packet and "meta" in packet and',
         'if packet and "meta" in packet and len(packet) == 4 and',
-        "check_opens_what_has_unknown_members",
-        "the testee ignored it",
+        "check_ignores_unknown_members",
+        "of device memory: the testee ignored it",
     ),
     "dies on an unknown handle": (
         'raise Bad(f"cuda{name}: {code}")',
         "os._exit(7)",
-        "check_goes_on_without_what_it_cannot_open",
+        "check_goes_on_without_images",
         "the testee exited",
     ),
     "aborts on an unknown handle": (
         'raise Bad(f"cuda{name}: {code}")',
         "os.abort()",
-        "check_goes_on_without_what_it_cannot_open",
+        "check_goes_on_without_images",
         "the testee died",
     ),
     "does not wait for the event of the slot": (
@@ -323,8 +332,9 @@ def test_who_opens_one_image_a_connection_is_shown_nothing_after_it(tmp_path: Pa
             unseen = listening.image()
             listening.outcome_of(packet(encode(unseen.init_packet())), later=True)
             trial.expect(unseen.opened(trial.calls()), "unseen", "it was not seen")
+            trial.delivered += 1
 
-    name = "check_opens_nothing_of_broken_packets"
+    name = "check_refuses_broken_init_packets"
     assert judged("client", program, {name: replace(ALL_CHECKS[name], play=play)}) == {name: ""}
 
 

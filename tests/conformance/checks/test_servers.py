@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_conformance.checks.v1_0.frm.headers import BAD_HEADERS, EXTREME, kind_of
-from splatbus_conformance.checks.v1_0.frm.pieces import PLACES, in_utf_8
+from splatbus_conformance.checks.v1_0.frm import BAD_HEADERS, EXTREME, PLACES, in_utf_8, kind_of
 from splatbus_conformance.checks.v1_1.cam.lenses import (
     LARGEST,
     bad_lenses,

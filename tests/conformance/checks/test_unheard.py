@@ -5,11 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from splatbus_conformance.checks.v1_0.frm import headers
-from splatbus_conformance.checks.v1_0.ini import unheard
+from splatbus_conformance.checks.registry import checks_of
 from splatbus_conformance.plan import Plan
 
-from tests.conformance.images.cuda_stand_in.library import checks_in, findings_of
+from tests.conformance.images.cuda_stand_in.library import findings_of
 
 MINIATURE = Path(__file__).parents[1] / "miniatures" / "client.py"
 LISTENS = "        for _ in packets(sock):\n            pass\n"
@@ -25,10 +24,13 @@ CLOSES_ON_STRANGERS = """
             if "meta" not in (read(it) or {}):
                 raise Bad("a stranger")
 """
-CHECKS = {
-    **checks_in(unheard),
-    "check_bad_length_closes": headers.check_bad_length_closes.checks["client"],  # type: ignore[attr-defined]
+NAMES = {
+    "check_bad_length_closes",
+    "check_half_packet_is_discarded",
+    "check_ignores_what_is_no_init_packet",
+    "check_survives_broken_payloads_unheard",
 }
+CHECKS = {it.name: it for it in checks_of("client") if it.name in NAMES}
 COMES_BACK = {"returns:ipc", "reconnects:ipc"}
 SEEN_WITHOUT_RETURN = {n: it for n, it in CHECKS.items() if not COMES_BACK & it.needs}
 
@@ -72,7 +74,7 @@ def test_one_that_never_comes_back_fails_no_check(tmp_path: Path) -> None:
             [(LISTENS, ONE_A_CONNECTION), ONCE, STAYS],
         ),
         (
-            "check_ignores_what_is_no_init_packet_unheard",
+            "check_ignores_what_is_no_init_packet",
             "the testee closed the connection",
             [(LISTENS, CLOSES_ON_STRANGERS)],
         ),

@@ -3,15 +3,18 @@
 What is broken comes first on its connection, since some clients read no other packet there.
 """
 
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.trial import REACTION_SECONDS
+from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS, Trial
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
+DEVICE = ("stand-in", "ipc")
+"""What a check needs that is tried there."""
 GLANCE_SECONDS = 0.02
 """For a client to close, before it is sent the next packet."""
 
@@ -24,6 +27,7 @@ class DeviceListener:
 
     def __init__(self, trial: ClientTrial, held: ExitStack) -> None:
         self._trial, self._held = trial, held
+        held.callback(setattr, trial.role, "speaks", trial.role.speaks)
         trial.role.speaks, trial.role.offers_memory = "1.0", False
         held.callback(self._leave)
         self._further: Connection | None = None
@@ -82,6 +86,18 @@ class DeviceListener:
         trial.uses(lambda: image.opened(trial.calls()) or connection.ended)
         return image.opened(trial.calls())
 
+    def outcome_before(self, script: bytes) -> str:
+        """Send bytes and a good packet in one write, on a new connection: `ignores` (and the good
+        one was opened there), `closes`, `exits`, `dies` or `hangs`.
+        """
+        connection = self.fresh()
+        if self.opens(connection, self.image(), behind=script):
+            return "ignores"
+        # A parser that has gone too deep may take its time to end.
+        self._trial.ends(connection, self._trial.patience)
+        self._trial.wait(self._trial.fate, ENDING_SECONDS)
+        return self._trial.fate() or ("closes" if connection.ended else "hangs")
+
     def outcome_of(self, script: bytes, *, later: bool = False) -> str:
         """Send bytes first on a new connection, then a good packet there, or on the next.
 
@@ -105,20 +121,17 @@ class DeviceListener:
             )
             if seen and not connection.ended:
                 self._try_for_more(connection)
-                trial.delivered += 1
                 return "ignores"
         outcome = "closes" if connection.ended else "ignores"
         if "ipc" not in trial.facts.returns:
             connection.end_stream()
             noticed = trial.ends(connection)
             trial.wait(trial.fate, REACTION_SECONDS)
-            trial.delivered += noticed
             return (trial.fate() or outcome) if noticed else self._died()
         connection.close()
         again = trial.next_connection("ipc")
         if again is None or not self.opens(again, good):
             return trial.fate() or "hangs"
-        trial.delivered += 1
         return outcome
 
     def _try_for_more(self, connection: Connection) -> None:
@@ -137,3 +150,13 @@ class DeviceListener:
         for connection in self._trial.peer.connections:
             if connection.channel == "ipc":
                 connection.close()
+
+
+@contextmanager
+def listening(trial: Trial, place: str) -> Iterator[DeviceListener | None]:
+    """What a check has in hand where images are in device memory; nothing elsewhere."""
+    with ExitStack() as held:
+        if isinstance(trial, ClientTrial) and place == "device":
+            yield DeviceListener(trial, held)
+        else:
+            yield None

@@ -200,7 +200,10 @@ NEEDS: dict[str, Callable[[ClientFacts, Any], tuple[object, str]]] = {
     "asks": lambda it, _: (it.asks, "makes no request when it connects"),
     "says": lambda it, of: (of in it.says, f"sends no {of} when it connects"),
     "poses": lambda it, _: (it.poses, "sends no poses unasked that can be read"),
-    "opens": lambda it, _: (it.opens, "did not open good memory when it was first met"),
+    "opens": lambda it, of: (
+        it.opens or (of == "unless-silent" and not it.speaks_1_1("ipc")),
+        "did not open good memory when it was first met",
+    ),
 }
 """Of each need but a device's and an adapter's: whether it is met, and what is the case if not."""
 

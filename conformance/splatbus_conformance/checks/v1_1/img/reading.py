@@ -19,7 +19,6 @@ from splatbus_conformance.checks import (
     Place,
     check,
 )
-from splatbus_conformance.checks.v1_0.jsn.writers import Writer, odd_spelling, spellings
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.painted import coordinates, sha256, spoilt
 from splatbus_conformance.trials.client import ClientTrial
@@ -30,6 +29,7 @@ from splatbus_conformance.trials.moves.frame_lender import (
     FrameLender,
     lending,
 )
+from splatbus_conformance.trials.moves.writers import Writer, odd_spelling, spellings
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import texts, within

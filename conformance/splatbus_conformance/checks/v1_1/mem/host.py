@@ -20,11 +20,15 @@ from splatbus_conformance.cases.malformed.init_packets import (
     changed,
 )
 from splatbus_conformance.checks import CLIENT, OPENS_HOST_MEMORY, SERVER, Cases, check
-from splatbus_conformance.checks.v1_0.ini.clients import for_broken_packet, judge_breaches, offer
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.memory.reading import LINUX_FOLDER, Opened
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.agreement import named
+from splatbus_conformance.trials.moves.exchanges.bait import (
+    for_broken_packet,
+    judge_breaches,
+    offer,
+)
 from splatbus_conformance.trials.moves.frame_readers import memory_of
 from splatbus_conformance.trials.moves.memory_offers import NOWHERE, outcome_of
 from splatbus_conformance.trials.server import ServerTrial

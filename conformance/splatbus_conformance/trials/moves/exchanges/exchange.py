@@ -5,15 +5,16 @@ from typing import NamedTuple
 
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.device_listener import DeviceListener
 from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.trials.moves.exchanges.unheard import (
     outcome_at_the_end,
     silent_connection,
 )
 from splatbus_conformance.trials.server import ServerTrial
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
-from splatbus_conformance.wire.messages import Json, hello
-from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, Place, Trial
+from splatbus_conformance.wire.messages import Json, encode, hello, welcome
+from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 STRANGER: Json = {"type": "weather_report"}
@@ -37,19 +38,37 @@ class Exchange(NamedTuple):
     answers: Callable[[], int] = lambda: 0
     """How many replies have come on the connection by now, of a server."""
 
+    @property
+    def packets(self) -> list[bytes]:
+        """What is awaited, as it is sent."""
+        return [packet(encode(message)) for message in self.awaited]
 
-def exchange(trial: ClientTrial | ServerTrial, channel: Channel, later: bool) -> Exchange | None:
+    def leave(self, how: str) -> None:
+        """End the connection: `close` it, or `reset` it."""
+        getattr(self.connection, how)()
+
+
+def exchange(
+    trial: ClientTrial | ServerTrial,
+    place: Place,
+    later: bool = False,
+    listener: DeviceListener | None = None,
+) -> Exchange | None:
     """A connection on which the testee awaits something: the first that it does there, or what
     comes later, once it has taken that; None where nobody can see that it has.
+
+    At `device` it is by this listener that it is seen.
     """
-    if isinstance(trial, ClientTrial):
-        return _with_a_client(trial, channel, later)
-    return with_a_server(trial, channel, later)
+    if isinstance(trial, ServerTrial):
+        return _with_a_server(trial, place, later)
+    if listener:
+        connection, image = listener.fresh(), listener.image()
+        named = [image.init_packet()]
+        return Exchange(connection, named, lambda: listener.comes_to_open(connection, image))
+    return _replies(trial) if place == "msg" else _init_packet(trial, later)
 
 
-def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchange | None:
-    if channel == "msg":
-        return _replies(trial)
+def _init_packet(trial: ClientTrial, later: bool) -> Exchange | None:
     trial.role.offers_memory = trial.role.lends_frames = False
     if not trial.facts.speaks_1_1("ipc"):
         if later:
@@ -61,13 +80,11 @@ def _with_a_client(trial: ClientTrial, channel: Channel, later: bool) -> Exchang
     granted = trial.role.with_(connection).granted
     if later and "frames" in granted:
         frame = trial.next_frame(connection)
-        awaited = [STRANGER, frame, STRANGER]
-        return Exchange(connection, awaited, lambda: trial.releases(connection, frame["seq"]))
+        return Exchange(connection, [frame], lambda: trial.releases(connection, frame["seq"]))
     if later and "reinit" not in granted:
         return Exchange(connection, [], lambda: None)
     init_packet = trial.role.init_packet(connection)
-    awaited = [STRANGER, init_packet, STRANGER]
-    return Exchange(connection, awaited, lambda: trial.opens(connection))
+    return Exchange(connection, [init_packet], lambda: trial.opens(connection))
 
 
 def _with_open_memory(trial: ClientTrial) -> Connection:
@@ -115,20 +132,53 @@ def asked_on(trial: ClientTrial, connection: Connection) -> Exchange:
     return Exchange(connection, replies, taken)
 
 
-def with_a_server(trial: ServerTrial, channel: Channel, later: bool) -> Exchange:
+def _with_a_server(trial: ServerTrial, place: Place, later: bool) -> Exchange:
     """As `exchange`; what came before is closed, unless it goes on there."""
-    if not (later and channel == "msg"):
+    if not (later and place == "msg"):
         for former in trial.peer.connections:
             former.close()
-    if channel == "ipc" and later:
-        return Exchange(trial.greeted("ipc"), [], lambda: None)
-    if channel == "ipc" and trial.facts.welcome["ipc"]:
-        connection = trial.before_hello("ipc")
-        said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
-        return Exchange(connection, [said], lambda: trial.is_welcomed(connection))
-    if channel == "ipc":
-        return Exchange(trial.dial("ipc"), [], lambda: None)
-    return _requests(trial, later)
+    if place == "msg":
+        return _requests(trial, later)
+    if later or not trial.facts.welcome["ipc"]:
+        return Exchange(trial.greeted("ipc") if later else trial.dial("ipc"), [], lambda: None)
+    connection = trial.before_hello("ipc")
+    said = hello(trial.viewer.capabilities["ipc"], trial.viewer.token)
+    return Exchange(connection, [said], lambda: trial.is_welcomed(connection))
+
+
+def judge_if_seen(trial: Trial, outcome: str, what: str) -> bool:
+    """Judge an outcome, unless it is none; whether it is one."""
+    if outcome:
+        trial.judge(outcome, what)
+    return bool(outcome)
+
+
+def refusal(trial: ClientTrial) -> Exchange:
+    """A connection on which hello was said; a testee closes it for a welcome with a version that
+    it did not list (NEG-16).
+    """
+    trial.role.welcomes = False
+    connection = trial.connection("msg")
+    if not trial.says_hello(connection) or connection.ended:
+        trial.not_observable("the testee said no hello on the msg channel, or closed by itself")
+
+    def taken() -> bool:
+        closes = trial.ends(connection)
+        leaves = trial.facts.leaves and trial.fate() == "exits"
+        if not closes or not (leaves or trial.fate() is None):
+            return False
+        trial.reassure("msg")
+        return True
+
+    return Exchange(connection, [welcome("msg", [], "9.9")], taken)
+
+
+def require_refusal(trial: ClientTrial) -> None:
+    """Skip the check of a testee that keeps the connection then."""
+    it = refusal(trial)
+    it.connection.send(it.packets[0])
+    if not it.taken():
+        trial.not_observable("the testee does not close on a version that it did not list")
 
 
 def in_use(trial: ServerTrial) -> Connection:

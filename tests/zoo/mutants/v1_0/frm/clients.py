@@ -118,13 +118,13 @@ def half_a_packet_continues(patch):
     Seam(ipc_protocol, "PacketReader").replace(patch, of_one_stream(PacketDecoder()))
 
 
-@mutant("FRM-6", check="check_half_reply_is_discarded", code="hangs")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="hangs")
 def half_a_reply_continues(patch):
     """Keeps half a reply when the connection ends, and goes on with it on the next one."""
     Seam(message_protocol, "PacketReader").replace(patch, of_one_stream(PacketDecoder()))
 
 
-@mutant("FRM-6", check="check_half_packet_is_discarded_unheard", code="dies")
+@mutant("FRM-6", check="check_half_packet_is_discarded", code="dies")
 def crashes_after_half_a_packet_in_1_0(patch):
     """Speaks 1.0, and crashes when it connects again after half a packet."""
     speaks_1_0(patch)

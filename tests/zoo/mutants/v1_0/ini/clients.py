@@ -191,7 +191,7 @@ def _takes(patch, overlooked):
 
 @mutant(
     "INI-11",
-    check="check_ignores_what_is_no_init_packet_unheard",
+    check="check_ignores_what_is_no_init_packet",
     code="closes",
 )
 def closes_on_other_objects_in_1_0(patch):

@@ -218,7 +218,7 @@ def deaf_after_broken_text(patch):
     client.TAKES_PAYLOAD_ON_IPC.wrap(patch, on_payload)
 
 
-@mutant("JSN-9", check="check_handles_the_next_packet", code="ignores")
+@mutant("JSN-9", check="check_handles_the_next_packet", code="hangs")
 def deaf_after_broken_text_on_the_message_channel(patch):
     """Keeps the message connection after a text that is no JSON, and handles nothing more."""
     deaf: set[MessageProtocol] = set()

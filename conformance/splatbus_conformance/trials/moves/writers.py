@@ -12,7 +12,6 @@ from splatbus_conformance.cases.valid.unknown_members import (
     between_unknown_members,
     with_unknown_members,
 )
-from splatbus_conformance.checks import Cases
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.trial import Trial
 from splatbus_conformance.wire.conversation import MOST_VALUES
@@ -69,24 +68,19 @@ def noting(write: Writer, written: list[bytes]) -> Writer:
     return write_and_note
 
 
-def _with_less(case: Spelling) -> Iterator[Spelling]:
+def with_less(case: Spelling) -> Iterator[Spelling]:
+    """The same with a liberty less."""
     seed, liberties = case
     return ((seed, fewer) for fewer in without_one(liberties) if fewer)
 
 
-def spelled(
-    quick: int, full: int, liberties: st.SearchStrategy[list[str]] = MOST_OFTEN_ALL
-) -> Cases:
-    """Drawn spellings."""
-    drawn = st.tuples(SEEDS, liberties)
-    return Cases(drawn=drawn, quick=quick, full=full, simpler=_with_less)
-
-
 def spellings(trial: ClientTrial, quick: int, full: int) -> Iterator[Spelling]:
-    """The same, one after the other."""
-    return trial.each(**spelled(quick, full)._asdict())
+    """Drawn spellings, one after the other."""
+    drawn = st.tuples(SEEDS, MOST_OFTEN_ALL)
+    return trial.each(drawn=drawn, quick=quick, full=full, simpler=with_less)
 
 
-def with_others(quick: int, full: int) -> Cases:
-    """Seeds of unknown members."""
-    return Cases([AROUND], SEEDS, quick=quick, full=full)
+def in_strings(pose: Json) -> Json:
+    """A pose with every number as a string."""
+    parts = ("position", "rotation")
+    return pose | {part: {n: repr(v) for n, v in pose[part].items()} for part in parts}

@@ -1,1 +1,0 @@
-"""Packets: FRM (spec 1.0 chapter 2)."""

@@ -1,1 +1,0 @@
-"""Init packets: INI (spec 1.0 chapter 4)."""
