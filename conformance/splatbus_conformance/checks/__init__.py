@@ -10,13 +10,13 @@ import functools
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from hypothesis.strategies import SearchStrategy
 
 from splatbus_conformance.plan import Side
-from splatbus_conformance.trials.trial import NotObservable, Place
-from splatbus_conformance.wire.recording import Channel
+from splatbus_conformance.trials.trial import NotObservable
+from splatbus_conformance.trials.trial import Place as Place
 
 DECLARES_HOST_MEMORY = ("hello:ipc", "capability:host_shm")
 OPENS_HOST_MEMORY = (*DECLARES_HOST_MEMORY, "opens")
