@@ -5,19 +5,21 @@ whole run renews how long what took, and the kill matrix if all is as it must be
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
+from splatbus_server.shared_memory import sweep_stale
 
 from tests.durations import HARNESS, ROOT, Durations
-from tests.keeper import abandoned, segments
 from tests.progress import Progress
 from tests.zoo import kill_matrix
+from tests.zoo.faults.surgery import RUN
 from tests.zoo.judge import GOOD, SpecimenResult
-from tests.zoo.keeping import every_specimen, judge_all, unknown
 from tests.zoo.registry import groups
+from tests.zoo.schedule import every_specimen, judge_all, unknown
 
 PAGE = ROOT / "conformance" / "KILL_MATRIX.md"
 
@@ -53,10 +55,11 @@ def main() -> int:
         elif now:
             print(now, flush=True)
 
-    before = segments()
-    rows = judge_all(wanted, options.profile, tell)
-    for left in abandoned(before):  # by mutants that free nothing
-        left.unlink(missing_ok=True)
+    os.environ[RUN] = str(os.getpid())
+    try:
+        rows = judge_all(wanted, options.profile, tell)
+    finally:
+        sweep_stale(f"splatbus-{os.getpid()}-")  # of mutants that free nothing
     status = told(rows)
     if options.json:
         kill_matrix.save(rows, options.json)

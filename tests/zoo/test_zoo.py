@@ -15,7 +15,7 @@ from splatbus_schemas.prose import CHECKOUT as ROOT
 from splatbus_schemas.requirements import requirements
 
 from tests.zoo import __main__ as zoo
-from tests.zoo import judge, keeping, kill_matrix
+from tests.zoo import judge, kill_matrix, schedule
 from tests.zoo.judge import Cell, Fate, SpecimenResult, fate_of
 from tests.zoo.mutant import RULE, SIDES, Mutant, Variation
 from tests.zoo.registry import groups, mutants, specimen_named, variations
@@ -170,8 +170,8 @@ def test_a_mutant_is_killed_by_its_check_with_its_code_alone(cell, fate):
 
 
 def judged(monkeypatch, specimens):
-    monkeypatch.setattr(keeping, "every_specimen", lambda profile: iter(specimens.items()))
-    return keeping.judge_all((), "brief", lambda row: None)
+    monkeypatch.setattr(schedule, "every_specimen", lambda profile: iter(specimens.items()))
+    return schedule.judge_all((), "brief", lambda row: None)
 
 
 def row(name, fate, kind="mutant"):
@@ -207,14 +207,14 @@ def test_of_a_group_each_is_warned_of_its_own_advice():
     one = replace(row(group.name, Fate.ALLOWED, "variation"), cells=warned)
     told = {
         it.name: {cell.requirement for cell in it.cells}
-        for it in keeping.members(group, one, {}, lambda row: None)
+        for it in schedule.members(group, one, {}, lambda row: None)
     }
     assert told == {name: VARIATIONS[name].warns for name in group.members}
 
 
 def test_a_name_that_nobody_has_is_told_with_what_is_near():
-    assert keeping.unknown(["releases-twice"]) == ""
-    assert "did you mean releases-twice" in keeping.unknown(["releases-twice", "release-twice"])
+    assert schedule.unknown(["releases-twice"]) == ""
+    assert "did you mean releases-twice" in schedule.unknown(["releases-twice", "release-twice"])
 
 
 def test_the_matrix_is_stored_for_programs_and_people(tmp_path):

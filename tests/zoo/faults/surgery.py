@@ -14,6 +14,10 @@ from tests.zoo.faults.seams import wire
 
 Json = dict[str, Any]
 STATUS_ACCESS_VIOLATION = 0xC0000005
+RUN = "SPLATBUS_ZOO"
+"""A variable with the number of the run that a specimen belongs to."""
+OF_THIS_RUN = f"splatbus-{os.environ.get(RUN, 0)}-"
+"""With what names of memory begin that no reference server removes when it starts beside."""
 
 
 def messages(patch, change):

@@ -8,11 +8,11 @@ from dataclasses import replace
 from splatbus_conformance.selection import did_you_mean
 
 from tests.durations import Durations
+from tests.spare import LOOK_SECONDS, Spare
 from tests.zoo import judge
 from tests.zoo.judge import GOOD, REFERENCE, SpecimenResult
 from tests.zoo.mutant import Variation
 from tests.zoo.processes import harnesses
-from tests.zoo.processes.spare import LOOK_SECONDS, Spare
 from tests.zoo.registry import groups, mutants, variations
 
 CORES = os.cpu_count() or 1
