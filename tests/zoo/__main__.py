@@ -18,8 +18,9 @@ from tests.progress import Progress
 from tests.zoo import kill_matrix
 from tests.zoo.faults.surgery import RUN
 from tests.zoo.judge import GOOD, SpecimenResult
+from tests.zoo.mutant import SIDES
 from tests.zoo.registry import groups
-from tests.zoo.schedule import every_specimen, judge_all, unknown
+from tests.zoo.schedule import judge_all, unknown, usual
 
 PAGE = ROOT / "conformance" / "KILL_MATRIX.md"
 
@@ -42,7 +43,7 @@ def main() -> int:
         return EXIT_USAGE
     durations = Durations("specimens")
     together = {name: group.name for group in groups() for name in group.members}
-    names = wanted or [name for name, _ in every_specimen("brief") if name not in together]
+    names = wanted or usual()
     if new := durations.unknown(names):
         print(f"{len(new)} specimens come first, for nobody has measured them", flush=True)
     progress = Progress("zoo", durations.expected(names))
@@ -57,7 +58,7 @@ def main() -> int:
 
     os.environ[RUN] = str(os.getpid())
     try:
-        rows = judge_all(wanted, options.profile, tell)
+        rows = judge_all(names, options.profile, tell)
     finally:
         sweep_stale(f"splatbus-{os.getpid()}-")  # of mutants that free nothing
     status = told(rows)
@@ -81,11 +82,11 @@ def told(rows: Sequence[SpecimenResult]) -> int:
 
 def renew(rows: list[SpecimenResult], together: dict[str, str], specimens: Durations) -> None:
     """Store what was measured, of specimens and of the checks of the references."""
-    sides = {side: Durations(side, HARNESS, shortest=0.2) for side in ("client", "server")}
+    sides = {side: Durations(side, HARNESS, shortest=0.2) for side in SIDES}
     for row in rows:
         specimens.took(together.get(row.name, row.name), row.seconds)
         for check, seconds in row.checks.items():
-            sides["client" if "client" in row.name else "server"].took(check, seconds)
+            sides[row.specimen.side].took(check, seconds)
     specimens.save(gone=True)
     for side in sides.values():
         side.save()

@@ -5,8 +5,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,11 @@ from splatbus_conformance.plan import Side
 from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
 
 from tests.zoo import mutants
-from tests.zoo.mutant import RULE, Mutant, Variation
+from tests.zoo.machine.specimens import MachineMade
+from tests.zoo.mutant import RULE, Kind, Specimen
 from tests.zoo.processes import harnesses
+from tests.zoo.registry import REFERENCES
 
-REFERENCE: dict[str, tuple[Side, str]] = {
-    "reference-client": ("client", ""),
-    "reference-client-beside-its-adapter": ("client", "unity"),
-    "reference-server": ("server", ""),
-    "reference-server-that-wants-a-token": ("server", ""),
-}
-"""Which side each is on, and the axes of its adapter."""
 TOLD = {"reference-server-that-wants-a-token": {"SPLATBUS_TOKEN": "a token"}}
 """What the harness and its testee find in their environment."""
 SILENT_SECONDS = 400.0
@@ -77,75 +73,59 @@ class Cell:
 class SpecimenResult:
     """What the harness said of one specimen."""
 
-    name: str
-    kind: str
-    """`reference`, `variation` or `mutant`."""
-    does: str
+    specimen: Specimen
     fate: Fate
-    cells: tuple[Cell, ...]
-    seconds: float
-    requirement: str = ""
-    check: str = ""
-    code: str = ""
-    """That a mutant has to fail with."""
+    cells: tuple[Cell, ...] = ()
+    """Those that condemn it, and of a mutant those of what it breaks."""
+    seconds: float = 0.0
     note: str = ""
     checks: Mapping[str, float] = field(default_factory=dict)
     """Of a reference: the seconds of each check that delivered something."""
 
     @property
+    def name(self) -> str:
+        """The specimen's."""
+        return self.specimen.name
+
+    @property
     def seen(self) -> str:
         """What was found out: the verdict that killed a mutant, or what else there is to say."""
-        if self.kind == "mutant":
-            told = [c for c in self.cells if c.requirement == self.requirement]
-            told.sort(key=lambda cell: (not cell.condemns, cell.check != self.check))
+        it = self.specimen
+        if it.kind is Kind.MUTANT:
+            told = [c for c in self.cells if c.requirement == it.requirement]
+            told.sort(key=lambda cell: (not cell.condemns, cell.check != it.check))
             return self.note or "; ".join(f"{c.verdict} {c.code}: {c.text}" for c in told[:2])
         return self.note or "; ".join(f"{c.requirement}: {c.text}" for c in self.cells)
 
     def as_json(self) -> dict[str, Any]:
         """For the stored matrix."""
-        return {**asdict(self), "seconds": round(self.seconds, 1)}
+        said = ("name", "kind", "does", "requirement", "check", "code")
+        told = asdict(self) | {name: getattr(self.specimen, name) for name in said}
+        del told["specimen"]
+        return {**told, "seconds": round(self.seconds, 1)}
 
 
-def judge_reference(name: str) -> SpecimenResult:
-    """Run every check on the reference client, or on the reference server."""
-    side, axes = REFERENCE[name]
-    does, profile = f"the reference {side} as it is", "brief" if name in TOLD else "quick"
-    return _judge_conforming(does, name, side, axes, frozenset(), profile)
-
-
-def judge_variation(variation: Variation, profile: str) -> SpecimenResult:
-    """Run every check on an allowed variation."""
-    it = variation
-    return _judge_conforming(it.does, it.name, it.side, it.axes, it.warns, profile)
-
-
-def judge_mutant(mutant: Mutant) -> SpecimenResult:
-    """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
+def judge(specimen: Specimen, profile: str = "brief") -> SpecimenResult:
+    """What becomes of it: of variations by this profile."""
     began = time.monotonic()
+    by = judge_mutant if specimen.kind is Kind.MUTANT else partial(judge_conforming, profile)
+    return replace(by(specimen), seconds=time.monotonic() - began)
+
+
+def judge_mutant(mutant: Specimen) -> SpecimenResult:
+    """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
     by_rule = mutant.check == RULE
     select = f"{mutant.through},{mutant.requirement}" if by_rule else mutant.check
-    report, _, last_words = run_harness(
-        mutant.name, mutant.side, select, SILENT_SECONDS, mutant.axes
-    )
+    report, _, last_words = run_harness(mutant, select)
     cells = cells_of(report)
     fate, note = fate_of(mutant, cells), ""
     if report is None or (fate is Fate.SURVIVED and errors(cells)):
         fate, note = Fate.NO_VERDICT, last_words
-    return SpecimenResult(
-        mutant.name,
-        "mutant",
-        mutant.does,
-        fate,
-        tuple(c for c in cells if c.requirement == mutant.requirement or c.condemns),
-        time.monotonic() - began,
-        mutant.requirement,
-        mutant.check,
-        mutant.code,
-        note,
-    )
+    told = tuple(c for c in cells if c.requirement == mutant.requirement or c.condemns)
+    return SpecimenResult(mutant, fate, told, note=note)
 
 
-def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
+def fate_of(mutant: Specimen, cells: list[Cell]) -> Fate:
     """What the verdicts make of a mutant."""
     against = [c for c in cells if c.requirement == mutant.requirement and c.condemns]
     if any(c.check == mutant.check and mutant.code == c.code for c in against):
@@ -153,36 +133,29 @@ def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
     return Fate.MISTAKEN if against else Fate.SURVIVED
 
 
-def _judge_conforming(
-    does: str, name: str, side: Side, axes: str, warns: frozenset[str], profile: str
-) -> SpecimenResult:
-    began = time.monotonic()
-    report, status, last_words = run_harness(
-        name, side, "", SILENT_SECONDS, axes, ("--profile", profile)
-    )
+def judge_conforming(profile: str, it: Specimen) -> SpecimenResult:
+    """Run every check on what has to pass."""
+    reference = it.kind is Kind.REFERENCE
+    if reference:
+        profile = "brief" if it.name in TOLD else "quick"
+    report, status, last_words = run_harness(it, "", more=("--profile", profile))
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
-    reference = name in REFERENCE
     if report is None:
         fate, note = Fate.NO_VERDICT, last_words
-    elif status == EXIT_CONFORMING and warned == warns:
+    elif status == EXIT_CONFORMING and warned == it.warns:
         fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
-    elif warned >= warns:
+    elif warned >= it.warns:
         fate, note = Fate.CONDEMNED, ""
     else:
-        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(warns - warned))}"
-    kind = "reference" if reference else "variation"
+        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(it.warns - warned))}"
     seconds = {
         result["check"]: result["seconds"]
         for requirement in (report or {}).get("requirements", [])
         for result in requirement["results"]
         if reference and result["delivered"]
     }
-    return SpecimenResult(
-        *(name, kind, does, fate, tuple(cells), time.monotonic() - began),
-        note=note,
-        checks=seconds,
-    )
+    return SpecimenResult(it, fate, tuple(cells), note=note, checks=seconds)
 
 
 def cells_of(report: dict[str, Any] | None) -> list[Cell]:
@@ -200,11 +173,9 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str,
-    side: Side,
+    specimen: Specimen | MachineMade,
     select: str,
-    seconds: float,
-    axes: str = "",
+    seconds: float = SILENT_SECONDS,
     more: Sequence[str] = (),
     environment: dict[str, str] | None = None,
     main: Callable[[list[str]], int] = harnesses.judge,
@@ -217,8 +188,9 @@ def run_harness(
     Returns its JSON report, or None if there is none, its exit status, or None if it had to be
     ended, and the last that it printed.
     """
+    name, side, axes = specimen.name, specimen.side, specimen.axes
     reference = "splatbus_viewer.adapter" if axes else PROGRAMS[side]
-    module = reference if name in REFERENCE else f"{mutants.__name__} {name}"
+    module = reference if specimen in REFERENCES else f"{mutants.__name__} {name}"
     how, arguments = (
         ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])
     )
