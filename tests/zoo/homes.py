@@ -97,6 +97,8 @@ HOMES = {
             "variations.server_together",
             "variations.server_unhurried",
         ),
+        Home("client", Judge.SIMULATION): ("mutants.simulated.clients",),
+        Home("server", Judge.SIMULATION): ("mutants.simulated.servers",),
     }.items()
     for module in modules
 }

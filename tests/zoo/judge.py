@@ -12,18 +12,22 @@ from pathlib import Path
 from typing import Any
 
 from splatbus_conformance.plan import Side
-from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, Verdict
 
 from tests.zoo import mutants
+from tests.zoo.faults.patching import Patch
+from tests.zoo.homes import Judge
 from tests.zoo.machine.specimens import MachineMade
 from tests.zoo.mutant import RULE, Kind, Specimen
 from tests.zoo.processes import harnesses
-from tests.zoo.registry import REFERENCES
+from tests.zoo.registry import REFERENCES, specimen_named
 
 TOLD = {"reference-server-that-wants-a-token": {"SPLATBUS_TOKEN": "a token"}}
 """What the harness and its testee find in their environment."""
 SILENT_SECONDS = 400.0
 """For so long a harness that still runs may say nothing."""
+SESSIONS = 400
+"""Of the simulation, which finds most in the first."""
 PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_renderer"}
 """The references that a person starts."""
 USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
@@ -113,16 +117,47 @@ def judge(specimen: Specimen, profile: str = "brief") -> SpecimenResult:
 
 
 def judge_mutant(mutant: Specimen) -> SpecimenResult:
+    """Ask the judge who has to find it out."""
+    ask = by_simulation if mutant.home.judge is Judge.SIMULATION else by_harness
+    cells, last_words = ask(mutant)
+    fate, note = fate_of(mutant, cells or []), ""
+    if cells is None or (fate is Fate.SURVIVED and errors(cells)):
+        fate, note = Fate.NO_VERDICT, last_words
+    told = tuple(c for c in cells or () if c.requirement == mutant.requirement or c.condemns)
+    return SpecimenResult(mutant, fate, told, note=note)
+
+
+def by_harness(mutant: Specimen) -> tuple[list[Cell] | None, str]:
     """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
     by_rule = mutant.check == RULE
     select = f"{mutant.through},{mutant.requirement}" if by_rule else mutant.check
     report, _, last_words = run_harness(mutant, select)
-    cells = cells_of(report)
-    fate, note = fate_of(mutant, cells), ""
-    if report is None or (fate is Fate.SURVIVED and errors(cells)):
-        fate, note = Fate.NO_VERDICT, last_words
-    told = tuple(c for c in cells if c.requirement == mutant.requirement or c.condemns)
-    return SpecimenResult(mutant, fate, told, note=note)
+    return None if report is None else cells_of(report), last_words
+
+
+def by_simulation(mutant: Specimen) -> tuple[list[Cell] | None, str]:
+    """Play sessions in a process of their own, until an invariant does not hold."""
+    status, told = harnesses.run([mutant.name], SILENT_SECONDS, {}, play_all)
+    invariant, _, text = told.partition(":")
+    found = [Cell(mutant.requirement, invariant, Verdict.FAIL, text[:OUTPUT_CHARS].strip())]
+    if status == EXIT_CONFORMING:
+        found = []
+    return None if status is None else found, told[-OUTPUT_CHARS:]
+
+
+def play_all(names: list[str]) -> int:
+    """Play sessions of a pair that is altered, and print which invariant does not hold."""
+    from tests.simulation.machine.world import BrokenError
+    from tests.simulation.session import play
+
+    specimen_named(names[0]).alter(Patch())  # type: ignore[union-attr]
+    for seed in range(SESSIONS):
+        try:
+            play(seed)
+        except BrokenError as error:
+            print(error)
+            return EXIT_NOT_CONFORMING
+    return EXIT_CONFORMING
 
 
 def fate_of(mutant: Specimen, cells: list[Cell]) -> Fate:

@@ -7,6 +7,7 @@ from pathlib import Path
 from tests.zoo.judge import GOOD, Fate, SpecimenResult
 from tests.zoo.mutant import Kind
 
+LAST = "~"
 HEAD = """\
 # Kill matrix
 
@@ -14,7 +15,8 @@ Written by `python -m tests zoo`.
 
 The harness was run on three kinds of program: the reference pair, which has to pass; variations of
 them, which are unusual and conform, and have to pass too; and mutants of them, each of which breaks
-one requirement and has to fail for it, by the check and with the code that are named here.
+one requirement and has to fail for it, by the check and with the code that are named here. Those
+at the end are for the simulation of the pair, which has to find them by an invariant.
 
 """
 
@@ -24,7 +26,8 @@ def sentence(rows: Sequence[SpecimenResult]) -> str:
     mutants, others = parted(rows)
     killed = sum(row.fate is Fate.KILLED for row in mutants)
     passed = sum(row.fate in GOOD for row in others)
-    broken = len({row.specimen.requirement for row in mutants if row.fate is Fate.KILLED})
+    found = {row.specimen.requirement for row in mutants if row.fate is Fate.KILLED}
+    broken = len(found - {""})
     return (
         f"{killed} of {len(mutants)} mutants killed, by the check and with the code that they "
         f"name, over {broken} requirements; {passed} of {len(others)} conforming programs passed"
@@ -58,14 +61,15 @@ def save(rows: Sequence[SpecimenResult], path: Path) -> None:
 def markdown(rows: Sequence[SpecimenResult]) -> str:
     """The matrix as a page for people."""
     mutants, others = parted(rows)
-    mutants.sort(key=lambda row: row.specimen.requirement)
+    mutants.sort(key=lambda row: row.specimen.requirement or LAST)
     page = f"{HEAD}**{sentence(rows)}.**\n\n## Mutants\n\n"
     page += _table(
         ("breaks", "mutant", "what it does", "check", "fate", "with the code"),
         (
-            (it.requirement, f"`{it.name}`", it.does, f"`{it.check}`", _bold(row), f"`{it.code}`")
+            (it.requirement or "—", f"`{it.name}`", it.does, f"`{it.check}`", _bold(row), code)
             for row in mutants
             for it in [row.specimen]
+            for code in [f"`{it.code}`" if it.code else "—"]
         ),
     )
     page += "\n## Conforming programs\n\n"

@@ -7,7 +7,6 @@ import sys
 from typing import Any
 
 from splatbus_wire import encoding, json_text, packet_reader
-from splatbus_wire.packet_reader import PacketReader
 
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import wire
@@ -40,7 +39,7 @@ def counts_each_byte(patch):
         original(self, data, now)
         self.deadline = now + packet_reader.COMPLETION_SECONDS
 
-    Seam(PacketReader, "receive").wrap(patch, receive)
+    wire.RECEIVES.wrap(patch, receive)
 
 
 def packets(patch, change):

@@ -54,6 +54,7 @@ SENDS_CAMERA = Seam(Session, "send_camera")
 # Images
 
 CAPABILITIES_ON_IPC = Seam(reading, "CAPABILITIES")
+ENDS_READING = Seam(Reading, "end")
 IS_LENT_FRAME = Seam(Reading, "take_frame")
 OPENS_MEMORY = Seam(reading, "HostImages")
 MAPS_MEMORY = Seam(host_memory, "map_memory")
