@@ -43,7 +43,8 @@ def main() -> int:
         return EXIT_USAGE
     durations = Durations("specimens")
     together = {name: group.name for group in groups() for name in group.members}
-    names = wanted or usual()
+    everybody, lacking = usual()
+    names = wanted or everybody
     if new := durations.unknown(names):
         print(f"{len(new)} specimens come first, for nobody has measured them", flush=True)
     progress = Progress("zoo", durations.expected(names))
@@ -62,11 +63,13 @@ def main() -> int:
     finally:
         sweep_stale(f"splatbus-{os.getpid()}-")  # of mutants that free nothing
     status = told(rows)
+    if lacking:
+        print(f"nothing was tried in memory of a GPU: {lacking}")
     if options.json:
         kill_matrix.save(rows, options.json)
     if not wanted:
         renew(rows, together, durations)
-        if status == EXIT_CONFORMING:
+        if status == EXIT_CONFORMING and not lacking:
             PAGE.write_text(kill_matrix.markdown(rows), "utf-8")
     return status
 

@@ -97,6 +97,13 @@ HOMES = {
             "variations.server_together",
             "variations.server_unhurried",
         ),
+        Home("client", Judge.WITH_CUDA, "opencv"): (
+            "mutants.device.buffers",
+            "mutants.device.frames",
+            "mutants.device.packets",
+            "mutants.device.shown",
+            "variations.client_cuda",
+        ),
         Home("client", Judge.SIMULATION): ("mutants.simulated.clients",),
         Home("server", Judge.SIMULATION): ("mutants.simulated.servers",),
     }.items()

@@ -28,6 +28,9 @@ SILENT_SECONDS = 400.0
 """For so long a harness that still runs may say nothing."""
 SESSIONS = 400
 """Of the simulation, which finds most in the first."""
+OPTIONS = {Judge.WITH_CUDA: ("--stand-in-cuda",)}
+SELECTED = {Judge.WITH_CUDA: "L3"}
+"""Of the checks of what conforms; all where nothing is said."""
 PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_renderer"}
 """The references that a person starts."""
 USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
@@ -131,7 +134,7 @@ def by_harness(mutant: Specimen) -> tuple[list[Cell] | None, str]:
     """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
     by_rule = mutant.check == RULE
     select = f"{mutant.through},{mutant.requirement}" if by_rule else mutant.check
-    report, _, last_words = run_harness(mutant, select)
+    report, _, last_words = run_harness(mutant, select, more=OPTIONS.get(mutant.home.judge, ()))
     return None if report is None else cells_of(report), last_words
 
 
@@ -173,7 +176,8 @@ def judge_conforming(profile: str, it: Specimen) -> SpecimenResult:
     reference = it.kind is Kind.REFERENCE
     if reference:
         profile = "brief" if it.name in TOLD else "quick"
-    report, status, last_words = run_harness(it, "", more=("--profile", profile))
+    select, more = SELECTED.get(it.home.judge, ""), OPTIONS.get(it.home.judge, ())
+    report, status, last_words = run_harness(it, select, more=("--profile", profile, *more))
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
     if report is None:

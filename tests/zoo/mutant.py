@@ -114,8 +114,8 @@ def variation(
 
     def declare(function: A) -> A:
         name, does, alter, home = _read(function, at)
-        declared = Specimen(name, does, alter, Kind.VARIATION, home, axes, warns=frozenset(warns))
-        function.specimens = (declared,)  # type: ignore[attr-defined]
+        given = name, does, alter, Kind.VARIATION, home, axes or home.axes
+        function.specimens = (Specimen(*given, warns=frozenset(warns)),)  # type: ignore[attr-defined]
         return function
 
     return declare

@@ -3,12 +3,15 @@
 import importlib
 from collections.abc import Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
-from tests.zoo.homes import HOMES, Home
+from tests.zoo.homes import HOMES, Home, Judge
 from tests.zoo.machine.specimens import MachineMade, machine_made
 from tests.zoo.mutant import SERVERS, SIDES, Kind, Specimen
 
+HAS_CUDA = find_spec("cuda") is not None
+"""Without cuda-bindings there is no client whose images are in memory of a GPU."""
 ROOT = Path(__file__).parents[2]
 REFERENCES = tuple(
     Specimen(name, does, lambda patch: None, Kind.REFERENCE, home, home.axes)
@@ -27,7 +30,12 @@ def specimens() -> tuple[Specimen, ...]:
     """All: the reference pair, liberties that are taken at once, each liberty, and the mutants of
     each side, family by family.
     """
-    declared = [it for module in HOMES for it in _declared(module)]
+    declared = [
+        it
+        for module, home in HOMES.items()
+        if home.judge is not Judge.WITH_CUDA or HAS_CUDA
+        for it in _declared(module)
+    ]
     variations = [it for it in declared if it.kind is Kind.VARIATION]
     mutants = [it for it in declared if it.kind is Kind.MUTANT]
     variations.sort(key=lambda it: not it.members)

@@ -6,14 +6,16 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import partial
 
+from splatbus_conformance.images.memory.cuda_stand_in.building import NotAvailable, library_folder
 from splatbus_conformance.selection import did_you_mean
 
 from tests.durations import Durations
 from tests.spare import LOOK_SECONDS, Spare
+from tests.zoo.homes import Judge
 from tests.zoo.judge import GOOD, SpecimenResult, judge
 from tests.zoo.mutant import Kind, Specimen
 from tests.zoo.processes import harnesses
-from tests.zoo.registry import groups, specimens
+from tests.zoo.registry import HAS_CUDA, groups, specimens
 
 CORES = os.cpu_count() or 1
 WHOLE, SELECTED, MORE = 7 * CORES, 4 * CORES, 8 * CORES
@@ -39,10 +41,19 @@ def unknown(wanted: Sequence[str]) -> str:
     return f"{told}conformance/KILL_MATRIX.md names all {len(known)}"
 
 
-def usual() -> list[str]:
-    """Whom a run judges that wants nobody in particular: liberties of a group are taken at once."""
-    in_a_group = {name for group in groups() for name in group.members}
-    return [name for name in named() if name not in in_a_group]
+def usual() -> tuple[list[str], str]:
+    """Whom a run judges that wants nobody in particular: liberties of a group are taken at once.
+
+    And why nobody is among them whose images are in memory of a GPU, if nobody is.
+    """
+    left = {name for group in groups() for name in group.members}
+    why = "" if HAS_CUDA else "cuda-bindings is not installed"
+    try:
+        library_folder()
+    except NotAvailable as error:
+        why = str(error)
+        left |= {it.name for it in specimens() if it.home.judge is Judge.WITH_CUDA}
+    return [name for name in named() if name not in left], why
 
 
 def judge_all(wanted: Sequence[str], profile: str, tell: Tell) -> list[SpecimenResult]:

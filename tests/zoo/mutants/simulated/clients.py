@@ -1,14 +1,12 @@
 """Mutants of the client: when it gives back what it was lent, and what it knows of connections."""
 
-from splatbus_client.reading import Reading
 from splatbus_wire.messages import Frame
 
-from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import client
 from tests.zoo.mutant import mutant
 
 
-@mutant(check="nothing that a client holds is written", at=Seam(Reading, "hold"))
+@mutant(check="nothing that a client holds is written", at=client.HANDS_OUT)
 def releases_at_once(original, self):
     """Gives an image back when it begins to read it."""
     loan = original(self)
