@@ -26,7 +26,7 @@ from splatbus_conformance import guard
 from tests.durations import Durations
 from tests.keeper import Fate, Kept, abandoned, end, segments
 from tests.progress import Progress
-from tests.zoo.processes.spare import LOOK_SECONDS, Spare
+from tests.spare import LOOK_SECONDS, Spare
 
 SOME = 5
 """That are named of many."""

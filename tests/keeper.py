@@ -66,8 +66,10 @@ def end(*kept: Kept) -> None:
 
 
 def segments() -> set[Path]:
-    """The shared memory of programs that speak SplatBus."""
-    return set(Path("/dev/shm").glob("splatbus*"))
+    """The shared memory of programs that speak SplatBus; a folder is a stand-in's, which its run
+    removes.
+    """
+    return {path for path in Path("/dev/shm").glob("splatbus*") if path.is_file()}
 
 
 def abandoned(before: set[Path]) -> dict[Path, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import replace
 
 import pytest
 from splatbus_conformance.checks.v1_0.buf import clients as events
@@ -17,6 +18,8 @@ from splatbus_conformance.plan import Plan
 from tests.conformance.harness import run
 from tests.conformance.images.cuda_stand_in.library import checks_in, findings_of
 from tests.gpu import require_gpu
+from tests.zoo import judge
+from tests.zoo.registry import mutants
 
 require_gpu()
 
@@ -45,22 +48,21 @@ def test_the_reference_client_conforms():
     assert of_client(command("splatbus_viewer.adapter"), CLIENT) == dict.fromkeys(CLIENT, "")
 
 
-@pytest.mark.parametrize(
-    ("defect", "check", "why"),
-    [
-        ("no-wait", "check_reads_a_frame_after_its_event", "before the event of slot 1"),
-        ("no-wait", "check_reads_no_image_before_its_event", "while the event was pending"),
-        ("next-slot", "check_releases_when_it_has_read", "while nobody was to read it"),
-        ("next-slot", "check_reads_a_frame_after_its_event", "while nobody was to read it"),
-        ("beside", "check_releases_when_it_has_read", "of no image whole"),
-        ("any-device", "check_goes_on_without_device_memory", "took it as valid"),
-        ("any-device", "check_opens_nothing_on_another_device", "on device 99"),
-        ("too-early", "check_releases_when_it_has_read", "before it was read"),
-    ],
-)
-def test_a_client_with_a_defect_is_failed(defect, check, why):
-    program = command("tests.gpu.broken_client", defect)
-    assert why in of_client(program, {check: CLIENT[check]})[check]
+OPENS_NOTHING = {"check": "check_goes_on_without_device_memory", "code": "accepts"}
+"""Of a device that is not there: the stand-in tells nobody its UUID."""
+BROKEN = [it for it in mutants() if it.check in CLIENT]
+BROKEN += [
+    replace(it, requirement="INI-13", **OPENS_NOTHING)
+    for it in BROKEN
+    if it.name == "shows-what-lies-on-no-device"
+]
+
+
+@pytest.mark.parametrize("mutant", BROKEN, ids=lambda it: f"{it.name}-{it.check}")
+def test_a_client_with_a_defect_is_failed(mutant, monkeypatch):
+    monkeypatch.setattr(judge, "OPTIONS", {})
+    judged = judge.judge(mutant)
+    assert judged.fate is judge.Fate.KILLED, judged
 
 
 def test_the_reference_server_conforms():

@@ -1,7 +1,8 @@
 """Run a program with a relay between it and whoever talks to it, as the proxy runs one.
 
-    behind_a_proxy.py client|server RECORDING PROGRAM
+    behind_a_proxy.py client|server RECORDING PROGRAM …
 
+PROGRAM is what Python is started with.
 The program finds its ports where a harness passes them. It ends with this one.
 """
 
@@ -19,7 +20,7 @@ from splatbus_conformance.wire.ports import free_port
 NAMES = ("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT")
 
 
-def main(side: str, recording: str, program: str) -> int:
+def main(side: str, recording: str, *program: str) -> int:
     host, ipc, msg = (os.environ[name] for name in NAMES)
     outside, inside = Endpoint(host, int(ipc), int(msg)), Endpoint(host, free_port(), free_port())
     listen, to = (inside, outside) if side == "client" else (outside, inside)
@@ -27,7 +28,7 @@ def main(side: str, recording: str, program: str) -> int:
     # One recording for each time that the harness starts the program.
     file = Path(f"{recording}.{os.getpid()}.jsonl")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
-    with subprocess.Popen([sys.executable, program], env=environment) as running:
+    with subprocess.Popen([sys.executable, *program], env=environment) as running:
         try:
             if side == "server":
                 wait_for(inside)  # a harness takes whoever accepts for the server

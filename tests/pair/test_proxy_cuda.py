@@ -14,10 +14,10 @@ from splatbus_conformance.wire.recording import load
 from tests.conformance.images.cuda_stand_in.library import checks_in, findings_of, library
 
 HERE = Path(__file__).parent
-MINIATURES = HERE.parent / "conformance" / "miniatures"
-CASES: dict[Side, tuple[Path, dict[str, object]]] = {
-    "client": (MINIATURES / "cuda_client.py", checks_in(device)),
-    "server": (MINIATURES / "cuda_server.py", checks_in(served)),
+MINIATURE = HERE.parent / "conformance" / "miniatures" / "cuda_server.py"
+CASES: dict[Side, tuple[list[str], dict[str, object]]] = {
+    "client": (["-m", "splatbus_viewer.cli", "view"], checks_in(device)),
+    "server": ([str(MINIATURE)], checks_in(served)),
 }
 
 
@@ -27,7 +27,7 @@ def test_what_a_harness_sees_of_device_memory_is_what_it_sees_without_a_proxy(
 ) -> None:
     library()
     program, checks = CASES[side]
-    behind = [str(HERE / "behind_a_proxy.py"), side, str(tmp_path / "session"), str(program)]
+    behind = [str(HERE / "behind_a_proxy.py"), side, str(tmp_path / "session"), *program]
     command = shlex.join([sys.executable, *behind])
     size = (64, 48) if side == "client" else (0, 0)
     plan = Plan(side, command, "127.0.0.1", (0, 0), size, 10.0, stand_in_cuda=True)

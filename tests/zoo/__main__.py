@@ -5,19 +5,22 @@ whole run renews how long what took, and the kill matrix if all is as it must be
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
+from splatbus_server.shared_memory import sweep_stale
 
 from tests.durations import HARNESS, ROOT, Durations
-from tests.keeper import abandoned, segments
 from tests.progress import Progress
 from tests.zoo import kill_matrix
+from tests.zoo.faults.surgery import RUN
 from tests.zoo.judge import GOOD, SpecimenResult
-from tests.zoo.keeping import every_specimen, judge_all, unknown
+from tests.zoo.mutant import SIDES
 from tests.zoo.registry import groups
+from tests.zoo.schedule import judge_all, unknown, usual
 
 PAGE = ROOT / "conformance" / "KILL_MATRIX.md"
 
@@ -40,7 +43,8 @@ def main() -> int:
         return EXIT_USAGE
     durations = Durations("specimens")
     together = {name: group.name for group in groups() for name in group.members}
-    names = wanted or [name for name, _ in every_specimen("brief") if name not in together]
+    everybody, lacking = usual()
+    names = wanted or everybody
     if new := durations.unknown(names):
         print(f"{len(new)} specimens come first, for nobody has measured them", flush=True)
     progress = Progress("zoo", durations.expected(names))
@@ -53,16 +57,19 @@ def main() -> int:
         elif now:
             print(now, flush=True)
 
-    before = segments()
-    rows = judge_all(wanted, options.profile, tell)
-    for left in abandoned(before):  # by mutants that free nothing
-        left.unlink(missing_ok=True)
+    os.environ[RUN] = str(os.getpid())
+    try:
+        rows = judge_all(names, options.profile, tell)
+    finally:
+        sweep_stale(f"splatbus-{os.getpid()}-")  # of mutants that free nothing
     status = told(rows)
+    if lacking:
+        print(f"nothing was tried in memory of a GPU: {lacking}")
     if options.json:
         kill_matrix.save(rows, options.json)
     if not wanted:
         renew(rows, together, durations)
-        if status == EXIT_CONFORMING:
+        if status == EXIT_CONFORMING and not lacking:
             PAGE.write_text(kill_matrix.markdown(rows), "utf-8")
     return status
 
@@ -78,11 +85,11 @@ def told(rows: Sequence[SpecimenResult]) -> int:
 
 def renew(rows: list[SpecimenResult], together: dict[str, str], specimens: Durations) -> None:
     """Store what was measured, of specimens and of the checks of the references."""
-    sides = {side: Durations(side, HARNESS, shortest=0.2) for side in ("client", "server")}
+    sides = {side: Durations(side, HARNESS, shortest=0.2) for side in SIDES}
     for row in rows:
         specimens.took(together.get(row.name, row.name), row.seconds)
         for check, seconds in row.checks.items():
-            sides["client" if "client" in row.name else "server"].took(check, seconds)
+            sides[row.specimen.side].took(check, seconds)
     specimens.save(gone=True)
     for side in sides.values():
         side.save()

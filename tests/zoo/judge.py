@@ -5,29 +5,32 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from splatbus_conformance.plan import Side
-from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
+from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, Verdict
 
 from tests.zoo import mutants
-from tests.zoo.mutant import RULE, Mutant, Variation
+from tests.zoo.faults.patching import Patch
+from tests.zoo.homes import Judge
+from tests.zoo.machine.specimens import MachineMade
+from tests.zoo.mutant import RULE, Kind, Specimen
 from tests.zoo.processes import harnesses
+from tests.zoo.registry import REFERENCES, specimen_named
 
-REFERENCE: dict[str, tuple[Side, str]] = {
-    "reference-client": ("client", ""),
-    "reference-client-beside-its-adapter": ("client", "unity"),
-    "reference-server": ("server", ""),
-    "reference-server-that-wants-a-token": ("server", ""),
-}
-"""Which side each is on, and the axes of its adapter."""
 TOLD = {"reference-server-that-wants-a-token": {"SPLATBUS_TOKEN": "a token"}}
 """What the harness and its testee find in their environment."""
 SILENT_SECONDS = 400.0
 """For so long a harness that still runs may say nothing."""
+SESSIONS = 400
+"""Of the simulation, which finds most in the first."""
+OPTIONS = {Judge.WITH_CUDA: ("--stand-in-cuda",)}
+SELECTED = {Judge.WITH_CUDA: "L3"}
+"""Of the checks of what conforms; all where nothing is said."""
 PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_renderer"}
 """The references that a person starts."""
 USUAL: dict[Side, str] = {"client": "view", "server": "--quiet --size 64x48"}
@@ -77,75 +80,90 @@ class Cell:
 class SpecimenResult:
     """What the harness said of one specimen."""
 
-    name: str
-    kind: str
-    """`reference`, `variation` or `mutant`."""
-    does: str
+    specimen: Specimen
     fate: Fate
-    cells: tuple[Cell, ...]
-    seconds: float
-    requirement: str = ""
-    check: str = ""
-    code: str = ""
-    """That a mutant has to fail with."""
+    cells: tuple[Cell, ...] = ()
+    """Those that condemn it, and of a mutant those of what it breaks."""
+    seconds: float = 0.0
     note: str = ""
     checks: Mapping[str, float] = field(default_factory=dict)
     """Of a reference: the seconds of each check that delivered something."""
 
     @property
+    def name(self) -> str:
+        """The specimen's."""
+        return self.specimen.name
+
+    @property
     def seen(self) -> str:
         """What was found out: the verdict that killed a mutant, or what else there is to say."""
-        if self.kind == "mutant":
-            told = [c for c in self.cells if c.requirement == self.requirement]
-            told.sort(key=lambda cell: (not cell.condemns, cell.check != self.check))
+        it = self.specimen
+        if it.kind is Kind.MUTANT:
+            told = [c for c in self.cells if c.requirement == it.requirement]
+            told.sort(key=lambda cell: (not cell.condemns, cell.check != it.check))
             return self.note or "; ".join(f"{c.verdict} {c.code}: {c.text}" for c in told[:2])
         return self.note or "; ".join(f"{c.requirement}: {c.text}" for c in self.cells)
 
     def as_json(self) -> dict[str, Any]:
         """For the stored matrix."""
-        return {**asdict(self), "seconds": round(self.seconds, 1)}
+        said = ("name", "kind", "does", "requirement", "check", "code")
+        told = asdict(self) | {name: getattr(self.specimen, name) for name in said}
+        del told["specimen"]
+        return {**told, "seconds": round(self.seconds, 1)}
 
 
-def judge_reference(name: str) -> SpecimenResult:
-    """Run every check on the reference client, or on the reference server."""
-    side, axes = REFERENCE[name]
-    does, profile = f"the reference {side} as it is", "brief" if name in TOLD else "quick"
-    return _judge_conforming(does, name, side, axes, frozenset(), profile)
-
-
-def judge_variation(variation: Variation, profile: str) -> SpecimenResult:
-    """Run every check on an allowed variation."""
-    it = variation
-    return _judge_conforming(it.does, it.name, it.side, it.axes, it.warns, profile)
-
-
-def judge_mutant(mutant: Mutant) -> SpecimenResult:
-    """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
+def judge(specimen: Specimen, profile: str = "brief") -> SpecimenResult:
+    """What becomes of it: of variations by this profile."""
     began = time.monotonic()
+    by = judge_mutant if specimen.kind is Kind.MUTANT else partial(judge_conforming, profile)
+    return replace(by(specimen), seconds=time.monotonic() - began)
+
+
+def judge_mutant(mutant: Specimen) -> SpecimenResult:
+    """Ask the judge who has to find it out."""
+    ask = by_simulation if mutant.home.judge is Judge.SIMULATION else by_harness
+    cells, last_words = ask(mutant)
+    fate, note = fate_of(mutant, cells or []), ""
+    if cells is None or (fate is Fate.SURVIVED and errors(cells)):
+        fate, note = Fate.NO_VERDICT, last_words
+    told = tuple(c for c in cells or () if c.requirement == mutant.requirement or c.condemns)
+    return SpecimenResult(mutant, fate, told, note=note)
+
+
+def by_harness(mutant: Specimen) -> tuple[list[Cell] | None, str]:
+    """Run the check that has to find a mutant out; for a rule, those that make the traffic."""
     by_rule = mutant.check == RULE
     select = f"{mutant.through},{mutant.requirement}" if by_rule else mutant.check
-    report, _, last_words = run_harness(
-        mutant.name, mutant.side, select, SILENT_SECONDS, mutant.axes
-    )
-    cells = cells_of(report)
-    fate, note = fate_of(mutant, cells), ""
-    if report is None or (fate is Fate.SURVIVED and errors(cells)):
-        fate, note = Fate.NO_VERDICT, last_words
-    return SpecimenResult(
-        mutant.name,
-        "mutant",
-        mutant.does,
-        fate,
-        tuple(c for c in cells if c.requirement == mutant.requirement or c.condemns),
-        time.monotonic() - began,
-        mutant.requirement,
-        mutant.check,
-        mutant.code,
-        note,
-    )
+    report, _, last_words = run_harness(mutant, select, more=OPTIONS.get(mutant.home.judge, ()))
+    return None if report is None else cells_of(report), last_words
 
 
-def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
+def by_simulation(mutant: Specimen) -> tuple[list[Cell] | None, str]:
+    """Play sessions in a process of their own, until an invariant does not hold."""
+    status, told = harnesses.run([mutant.name], SILENT_SECONDS, {}, play_all)
+    invariant, _, text = told.partition(":")
+    found = [Cell(mutant.requirement, invariant, Verdict.FAIL, text[:OUTPUT_CHARS].strip())]
+    if status == EXIT_CONFORMING:
+        found = []
+    return None if status is None else found, told[-OUTPUT_CHARS:]
+
+
+def play_all(names: list[str]) -> int:
+    """Play sessions of a pair that is altered, and print which invariant does not hold."""
+    from tests.simulation.machine.world import BrokenError
+    from tests.simulation.session import play
+
+    specimen_named(names[0]).alter(Patch())  # type: ignore[union-attr]
+    for seed in range(SESSIONS):
+        try:
+            play(seed)
+        except BrokenError as error:
+            print(error)
+            return EXIT_NOT_CONFORMING
+    return EXIT_CONFORMING
+
+
+def fate_of(mutant: Specimen, cells: list[Cell]) -> Fate:
     """What the verdicts make of a mutant."""
     against = [c for c in cells if c.requirement == mutant.requirement and c.condemns]
     if any(c.check == mutant.check and mutant.code == c.code for c in against):
@@ -153,36 +171,30 @@ def fate_of(mutant: Mutant, cells: list[Cell]) -> Fate:
     return Fate.MISTAKEN if against else Fate.SURVIVED
 
 
-def _judge_conforming(
-    does: str, name: str, side: Side, axes: str, warns: frozenset[str], profile: str
-) -> SpecimenResult:
-    began = time.monotonic()
-    report, status, last_words = run_harness(
-        name, side, "", SILENT_SECONDS, axes, ("--profile", profile)
-    )
+def judge_conforming(profile: str, it: Specimen) -> SpecimenResult:
+    """Run every check on what has to pass."""
+    reference = it.kind is Kind.REFERENCE
+    if reference:
+        profile = "brief" if it.name in TOLD else "quick"
+    select, more = SELECTED.get(it.home.judge, ""), OPTIONS.get(it.home.judge, ())
+    report, status, last_words = run_harness(it, select, more=("--profile", profile, *more))
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
-    reference = name in REFERENCE
     if report is None:
         fate, note = Fate.NO_VERDICT, last_words
-    elif status == EXIT_CONFORMING and warned == warns:
+    elif status == EXIT_CONFORMING and warned == it.warns:
         fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
-    elif warned >= warns:
+    elif warned >= it.warns:
         fate, note = Fate.CONDEMNED, ""
     else:
-        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(warns - warned))}"
-    kind = "reference" if reference else "variation"
+        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(it.warns - warned))}"
     seconds = {
         result["check"]: result["seconds"]
         for requirement in (report or {}).get("requirements", [])
         for result in requirement["results"]
         if reference and result["delivered"]
     }
-    return SpecimenResult(
-        *(name, kind, does, fate, tuple(cells), time.monotonic() - began),
-        note=note,
-        checks=seconds,
-    )
+    return SpecimenResult(it, fate, tuple(cells), note=note, checks=seconds)
 
 
 def cells_of(report: dict[str, Any] | None) -> list[Cell]:
@@ -200,11 +212,9 @@ def errors(cells: list[Cell]) -> bool:
 
 
 def run_harness(
-    name: str,
-    side: Side,
+    specimen: Specimen | MachineMade,
     select: str,
-    seconds: float,
-    axes: str = "",
+    seconds: float = SILENT_SECONDS,
     more: Sequence[str] = (),
     environment: dict[str, str] | None = None,
     main: Callable[[list[str]], int] = harnesses.judge,
@@ -217,8 +227,9 @@ def run_harness(
     Returns its JSON report, or None if there is none, its exit status, or None if it had to be
     ended, and the last that it printed.
     """
+    name, side, axes = specimen.name, specimen.side, specimen.axes
     reference = "splatbus_viewer.adapter" if axes else PROGRAMS[side]
-    module = reference if name in REFERENCE else f"{mutants.__name__} {name}"
+    module = reference if specimen in REFERENCES else f"{mutants.__name__} {name}"
     how, arguments = (
         ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])
     )

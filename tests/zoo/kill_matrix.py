@@ -5,7 +5,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from tests.zoo.judge import GOOD, Fate, SpecimenResult
+from tests.zoo.mutant import Kind
 
+LAST = "~"
 HEAD = """\
 # Kill matrix
 
@@ -13,29 +15,39 @@ Written by `python -m tests zoo`.
 
 The harness was run on three kinds of program: the reference pair, which has to pass; variations of
 them, which are unusual and conform, and have to pass too; and mutants of them, each of which breaks
-one requirement and has to fail for it, by the check and with the code that are named here.
+one requirement and has to fail for it, by the check and with the code that are named here. Those
+at the end are for the simulation of the pair, which has to find them by an invariant.
 
 """
 
 
 def sentence(rows: Sequence[SpecimenResult]) -> str:
     """What came of it, in one line."""
-    mutants = [row for row in rows if row.kind == "mutant"]
-    others = [row for row in rows if row.kind != "mutant"]
+    mutants, others = parted(rows)
     killed = sum(row.fate is Fate.KILLED for row in mutants)
     passed = sum(row.fate in GOOD for row in others)
-    broken = len({row.requirement for row in mutants if row.fate is Fate.KILLED})
+    found = {row.specimen.requirement for row in mutants if row.fate is Fate.KILLED}
+    broken = len(found - {""})
     return (
         f"{killed} of {len(mutants)} mutants killed, by the check and with the code that they "
         f"name, over {broken} requirements; {passed} of {len(others)} conforming programs passed"
     )
 
 
+def parted(rows: Iterable[SpecimenResult]) -> tuple[list[SpecimenResult], list[SpecimenResult]]:
+    """Those of mutants, and of what conforms."""
+    found: tuple[list[SpecimenResult], list[SpecimenResult]] = [], []
+    for row in rows:
+        found[row.specimen.kind is not Kind.MUTANT].append(row)
+    return found
+
+
 def complaint(row: SpecimenResult) -> str:
     """What is not as it must be, in some lines."""
-    lines = [f"\n{row.fate.upper()}  {row.name}: {row.does}"]
-    if row.kind == "mutant":
-        lines.append(f"  should fail  {row.requirement} by {row.check}, with the code {row.code}")
+    it = row.specimen
+    lines = [f"\n{row.fate.upper()}  {row.name}: {it.does}"]
+    if row.specimen.kind is Kind.MUTANT:
+        lines.append(f"  should fail  {it.requirement} by {it.check}, with the code {it.code}")
     return "\n".join([*lines, f"  seen         {row.seen or 'nothing'}"])
 
 
@@ -48,20 +60,22 @@ def save(rows: Sequence[SpecimenResult], path: Path) -> None:
 
 def markdown(rows: Sequence[SpecimenResult]) -> str:
     """The matrix as a page for people."""
-    mutants = sorted((row for row in rows if row.kind == "mutant"), key=lambda r: r.requirement)
-    others = [row for row in rows if row.kind != "mutant"]
+    mutants, others = parted(rows)
+    mutants.sort(key=lambda row: row.specimen.requirement or LAST)
     page = f"{HEAD}**{sentence(rows)}.**\n\n## Mutants\n\n"
     page += _table(
         ("breaks", "mutant", "what it does", "check", "fate", "with the code"),
         (
-            (r.requirement, f"`{r.name}`", r.does, f"`{r.check}`", _bold(r), f"`{r.code}`")
-            for r in mutants
+            (it.requirement or "—", f"`{it.name}`", it.does, f"`{it.check}`", _bold(row), code)
+            for row in mutants
+            for it in [row.specimen]
+            for code in [f"`{it.code}`" if it.code else "—"]
         ),
     )
     page += "\n## Conforming programs\n\n"
     page += _table(
         ("program", "what it does", "fate", "warned of"),
-        ((f"`{r.name}`", r.does, _bold(r), _warned(r)) for r in others),
+        ((f"`{r.name}`", r.specimen.does, _bold(r), _warned(r)) for r in others),
     )
     return page
 

@@ -1,15 +1,17 @@
-"""What is said of a client or server that the harness is tried on, and how one is declared."""
+"""What is said of a client or server that is judged, and how one is declared."""
 
 import functools
 import inspect
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import Any, TypeVar
 
 from splatbus_conformance.plan import Side
 
 from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
+from tests.zoo.homes import HOMES, Home
 
 Alter = Callable[[Patch], None]
 A = TypeVar("A", bound=Callable[..., Any])
@@ -23,53 +25,53 @@ TRAFFIC: dict[Side, str] = {"client": "CHN-10", "server": "FRM-4"}
 """The requirement whose checks make usual traffic."""
 
 
+class Kind(StrEnum):
+    """What a specimen is for."""
+
+    REFERENCE = "reference"
+    """One of the reference pair as it is: it has to pass."""
+    VARIATION = "variation"
+    """It is made unusual, but conforming, and has to pass too."""
+    MUTANT = "mutant"
+    """One behaviour is broken, and has to be found out."""
+
+
 @dataclass(frozen=True)
-class Mutant:
-    """The reference client or server with one behaviour broken."""
+class Specimen:
+    """The reference client or server, altered."""
 
     name: str
     does: str
     alter: Alter
-    """Overrides the behaviour, from outside, before the program starts."""
-    requirement: str
-    """The one requirement that it breaks."""
-    check: str
-    """The check that has to find out, or RULE."""
-    code: str
-    """That of the failure: the check found this, not something else."""
-    through: str
-    """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
-    side: Side
-    """Which of the reference pair it is."""
+    """Overrides a behaviour, from outside, before the program starts."""
+    kind: Kind
+    home: Home
     axes: str = ""
     """Of the engine whose client it plays, beside its adapter; without an adapter if not given."""
-
-
-@dataclass(frozen=True)
-class Variation:
-    """The reference client or server made unusual, but conforming."""
-
-    name: str
-    does: str
-    alter: Alter
-    warns: frozenset[str]
-    """The advice that it does not follow: SHOULDs that must warn, and no others."""
-    axes: str = ""
-    """As of a mutant."""
+    requirement: str = ""
+    """The one that a mutant breaks; none where an invariant has to find it out."""
+    check: str = ""
+    """The check that has to find out, or RULE, or the invariant."""
+    code: str = ""
+    """That of the failure: the check found this, not something else."""
+    through: str = ""
+    """The requirement whose checks have to run: its own, or one that makes traffic for a rule."""
+    warns: frozenset[str] = frozenset()
+    """The advice that a variation does not follow: SHOULDs that must warn, and no others."""
     members: tuple[str, ...] = ()
     """Of which variations it takes the liberties, all at once; of none but its own if empty."""
 
     @property
     def side(self) -> Side:
         """Which of the reference pair it is."""
-        return _side(self.alter)
+        return self.home.side
 
 
 def mutant(
-    requirement: str,
+    requirement: str = "",
     *,
     check: str = RULE,
-    code: str,
+    code: str = "",
     through: str = "",
     axes: str = "",
     both: bool = False,
@@ -90,15 +92,15 @@ def mutant(
     """
 
     def declare(function: A) -> A:
-        name, does = _name_and_docstring(function)
-        alter = _alteration(function, at)
-        tried: dict[str, Side] = {name: _side(function)}
-        if both:
-            tried[f"{SERVERS}{name}"] = "server"
+        name, does, alter, home = _read(function, at)
+        tried = {name: home} | ({f"{SERVERS}{name}": Home("server")} if both else {})
         function.specimens = tuple(  # type: ignore[attr-defined]
-            Mutant(name, does, alter, requirement, check, code, run, side, axes)
-            for name, side in tried.items()
-            for run in [requirement if check != RULE else through or TRAFFIC[side]]
+            Specimen(
+                *(each, does, alter, Kind.MUTANT, where, axes or where.axes),
+                *(requirement, check, code),
+                requirement if check != RULE else through or TRAFFIC[where.side],
+            )
+            for each, where in tried.items()
         )
         return function
 
@@ -111,9 +113,9 @@ def variation(
     """Declare a function to be an allowed variation; `axes` and `at` as of a mutant."""
 
     def declare(function: A) -> A:
-        name, does = _name_and_docstring(function)
-        alter = _alteration(function, at)
-        function.specimens = (Variation(name, does, alter, frozenset(warns), axes),)  # type: ignore[attr-defined]
+        name, does, alter, home = _read(function, at)
+        given = name, does, alter, Kind.VARIATION, home, axes or home.axes
+        function.specimens = (Specimen(*given, warns=frozenset(warns)),)  # type: ignore[attr-defined]
         return function
 
     return declare
@@ -124,41 +126,35 @@ def together(*members: Alter) -> Callable[[A], A]:
 
     The function that is declared does nothing; its docstring says what they have in common.
     """
-    variations: list[Variation] = [it for each in members for it in each.specimens]  # type: ignore[attr-defined]
-    warns = frozenset[str]().union(*(it.warns for it in variations))
-    (axes,) = {it.axes for it in variations}
+    taken: list[Specimen] = [it for each in members for it in each.specimens]  # type: ignore[attr-defined]
+    warns = frozenset[str]().union(*(it.warns for it in taken))
+    (axes,) = {it.axes for it in taken}
 
-    def declare(alter: A) -> A:
-        name, does = _name_and_docstring(alter)
-
-        @functools.wraps(alter)
-        def alter_all(patch: Patch) -> None:
-            for it in variations:
+    def declare(function: A) -> A:
+        @functools.wraps(function)
+        def alter(patch: Patch) -> None:
+            for it in taken:
                 it.alter(patch)
 
-        names = tuple(it.name for it in variations)
-        alter.specimens = (Variation(name, does, alter_all, warns, axes, names),)  # type: ignore[attr-defined]
-        return alter
+        variation(warns=tuple(warns), axes=axes)(alter)
+        (all_,) = alter.specimens  # type: ignore[attr-defined]
+        names = tuple(it.name for it in taken)
+        function.specimens = (replace(all_, members=names),)  # type: ignore[attr-defined]
+        return function
 
     return declare
 
 
-def _alteration(function: Callable[..., Any], at: Seam | None) -> Alter:
-    if at is None:
-        return function
+def _read(function: Callable[..., Any], at: Seam | None) -> tuple[str, str, Alter, Home]:
+    """Its name, what it does, how that alters a program, and where it lives."""
+    name, does = function.__name__, inspect.getdoc(function)
+    assert does, f"{name} does not say what it does"
 
     @functools.wraps(function)
     def alter(patch: Patch) -> None:
-        at.wrap(patch, function)
+        if at is None:
+            function(patch)
+        else:
+            at.wrap(patch, function)
 
-    return alter
-
-
-def _side(alter: Alter) -> Side:
-    return "server" if alter.__name__.startswith("server") else "client"
-
-
-def _name_and_docstring(alter: Alter) -> tuple[str, str]:
-    does = inspect.getdoc(alter)
-    assert does, f"{alter.__name__} does not say what it does"
-    return alter.__name__.replace("_", "-"), " ".join(does.split())
+    return name.replace("_", "-"), " ".join(does.split()), alter, HOMES[function.__module__]

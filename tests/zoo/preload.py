@@ -9,11 +9,11 @@ import splatbus_renderer.cli
 import splatbus_viewer.adapter
 import splatbus_viewer.cli
 
-from tests.zoo.registry import mutants, variations
+from tests.simulation import session
+from tests.zoo.registry import specimens
 
-__all__ = ["splatbus_renderer", "splatbus_viewer"]
+__all__ = ["splatbus_renderer", "splatbus_viewer", "session"]
 
-mutants()
-variations()
+specimens()
 gc.collect()
 gc.freeze()

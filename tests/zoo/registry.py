@@ -1,72 +1,78 @@
-"""Every mutant and every allowed variation, of the client and of the server."""
+"""Every specimen: the reference pair, what is allowed of it, and what is broken of it."""
 
 import importlib
-import pkgutil
 from collections.abc import Iterator
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
-from typing import TypeVar
 
-from tests.zoo import mutants as families
-from tests.zoo import variations as allowed
+from tests.zoo.homes import HOMES, Home, Judge
 from tests.zoo.machine.specimens import MachineMade, machine_made
-from tests.zoo.mutant import SERVERS, SIDES, Mutant, Variation
+from tests.zoo.mutant import SERVERS, SIDES, Kind, Specimen
 
-S = TypeVar("S", Mutant, Variation)
-Specimens = tuple[Mutant | Variation, ...]
-
-
-def mutants() -> tuple[Mutant, ...]:
-    """Every mutant, family by family, each in the order of its module."""
-    found = [each for module in _modules(families) for each in _declared(module, Mutant)]
-    return tuple(sorted(found, key=lambda it: SIDES.index(it.side)))
-
-
-def variations() -> tuple[Variation, ...]:
-    """Every allowed variation."""
-    return tuple(it for it in _allowed() if not it.members)
-
-
-def groups() -> tuple[Variation, ...]:
-    """Those that take the liberties of several at once."""
-    return tuple(it for it in _allowed() if it.members)
+HAS_CUDA = find_spec("cuda") is not None
+"""Without cuda-bindings there is no client whose images are in memory of a GPU."""
+ROOT = Path(__file__).parents[2]
+REFERENCES = tuple(
+    Specimen(name, does, lambda patch: None, Kind.REFERENCE, home, home.axes)
+    for name, home in {
+        "reference-client": Home("client"),
+        "reference-client-beside-its-adapter": Home("client", axes="unity"),
+        "reference-server": Home("server"),
+        "reference-server-that-wants-a-token": Home("server"),
+    }.items()
+    for does in [f"the reference {home.side} as it is"]
+)
 
 
 @cache
-def _allowed() -> tuple[Variation, ...]:
-    return tuple(each for module in _modules(allowed) for each in _declared(module, Variation))
-
-
-def specimen_named(name: str) -> Mutant | Variation | MachineMade | None:
-    """A mutant or variation, or one made by machine; no module is imported but the one that
-    declares it.
+def specimens() -> tuple[Specimen, ...]:
+    """All: the reference pair, liberties that are taken at once, each liberty, and the mutants of
+    each side, family by family.
     """
+    declared = [
+        it
+        for module, home in HOMES.items()
+        if home.judge is not Judge.WITH_CUDA or HAS_CUDA
+        for it in _declared(module)
+    ]
+    variations = [it for it in declared if it.kind is Kind.VARIATION]
+    mutants = [it for it in declared if it.kind is Kind.MUTANT]
+    variations.sort(key=lambda it: not it.members)
+    mutants.sort(key=lambda it: SIDES.index(it.side))
+    return *REFERENCES, *variations, *mutants
+
+
+def mutants() -> tuple[Specimen, ...]:
+    """Every mutant."""
+    return tuple(it for it in specimens() if it.kind is Kind.MUTANT)
+
+
+def variations() -> tuple[Specimen, ...]:
+    """Every allowed variation."""
+    return tuple(it for it in specimens() if it.kind is Kind.VARIATION and not it.members)
+
+
+def groups() -> tuple[Specimen, ...]:
+    """Those that take the liberties of several at once."""
+    return tuple(it for it in specimens() if it.members)
+
+
+def specimen_named(name: str) -> Specimen | MachineMade | None:
+    """One that is declared, or made by machine; only the module that declares it is imported."""
     if made := machine_made(name):
         return made
-    names = {name, name.removeprefix(SERVERS)}
-    declared = [f"\ndef {it.replace('-', '_')}(" for it in names]
-    for package in (families, allowed):
-        folder = Path(package.__path__[0])
-        for path in sorted(folder.rglob("*.py")):
-            text = path.read_text("utf-8")
-            if any(it in text for it in declared):
-                inside = path.relative_to(folder).with_suffix("").parts
-                module = importlib.import_module(".".join((package.__name__, *inside)))
-                found: Specimens = (*_declared(module, Mutant), *_declared(module, Variation))
-                if named := [it for it in found if it.name == name]:
-                    return named[0]
+    spelled = [f"\ndef {it.replace('-', '_')}(" for it in {name, name.removeprefix(SERVERS)}]
+    for module in HOMES:
+        text = Path(ROOT, *module.split(".")).with_suffix(".py").read_text("utf-8")
+        found = _declared(module) if any(it in text for it in spelled) else ()
+        if named := [it for it in found if it.name == name]:
+            return named[0]
     return None
 
 
-def _modules(package: ModuleType) -> Iterator[ModuleType]:
-    for found in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
-        if not found.name.endswith("__main__"):
-            yield importlib.import_module(found.name)
-
-
-def _declared(module: ModuleType, kind: type[S]) -> Iterator[S]:
-    for value in vars(module).values():
+def _declared(module: str) -> Iterator[Specimen]:
+    for value in vars(importlib.import_module(module)).values():
         for specimen in getattr(value, "specimens", ()):
-            if isinstance(specimen, kind) and specimen.alter.__module__ == module.__name__:
+            if specimen.alter.__module__ == module:
                 yield specimen

@@ -7,6 +7,7 @@ import pkgutil
 import re
 from collections import Counter
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from splatbus_conformance import rules
@@ -15,12 +16,22 @@ from splatbus_schemas.prose import CHECKOUT as ROOT
 from splatbus_schemas.requirements import requirements
 
 from tests.zoo import __main__ as zoo
-from tests.zoo import judge, keeping, kill_matrix
+from tests.zoo import judge, kill_matrix, schedule
+from tests.zoo.homes import HOMES, Home, Judge
 from tests.zoo.judge import Cell, Fate, SpecimenResult, fate_of
-from tests.zoo.mutant import RULE, SIDES, Mutant, Variation
-from tests.zoo.registry import groups, mutants, specimen_named, variations
+from tests.zoo.mutant import RULE, SIDES, Kind, Specimen
+from tests.zoo.registry import (
+    HAS_CUDA,
+    REFERENCES,
+    groups,
+    mutants,
+    specimen_named,
+    specimens,
+    variations,
+)
 
-MUTANTS = {mutant.name: mutant for mutant in mutants()}
+EVERY = {mutant.name: mutant for mutant in mutants()}
+MUTANTS = {name: it for name, it in EVERY.items() if it.home.judge is not Judge.SIMULATION}
 VARIATIONS = {variation.name: variation for variation in variations()}
 JUDGES = {side: judges(side) for side in SIDES}
 WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
@@ -28,12 +39,13 @@ WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
 
 
 def by_miniatures(side):
-    """Checks of device memory alone: broken miniatures fail them (test_cuda_…, test_device_…)."""
-    device = {"device", "stand-in"}
-    return {f.name for f in checks_of(side) if all(device & {*it} for it in f.places.values())}
+    """Checks of servers in device memory alone: broken miniatures fail them (test_cuda_of_…)."""
+    shown = {"device", "stand-in"}
+    alone = [it for it in checks_of(side) if all(shown & {*each} for each in it.places.values())]
+    return {it.name for it in alone} if side == "server" else set()
 
 
-def judged_by(mutant: Mutant) -> set[str]:
+def judged_by(mutant: Specimen) -> set[str]:
     """The checks, or the rules, that can kill this mutant."""
     if mutant.check != RULE:
         return {mutant.check}
@@ -48,14 +60,22 @@ def families(package):
         yield found.name, {name for name, f in functions if f.__module__ == module.__name__}
 
 
+def test_each_module_of_specimens_has_its_home():
+    """Else nobody would judge what it declares."""
+    folders = [Path(zoo.__file__).parent / name for name in ("mutants", "variations")]
+    paths = [path for folder in folders for path in folder.rglob("*.py")]
+    declare = re.compile(r"^@(?:mutant|variation|together)\b", re.M)
+    found = {str(path.relative_to(ROOT)) for path in paths if declare.search(path.read_text())}
+    assert found == {f"{module.replace('.', '/')}.py" for module in HOMES}
+
+
 def test_every_specimen_has_a_name_of_its_own():
-    every = (*mutants(), *variations(), *groups())
-    names = Counter([*judge.REFERENCE, *(it.name for it in every)])
+    names = Counter(it.name for it in specimens())
     assert [name for name, count in names.items() if count > 1] == []
 
 
 def test_each_mutant_names_a_requirement_who_judges_it_and_for_what():
-    def fits(mutant: Mutant) -> bool:
+    def fits(mutant: Specimen) -> bool:
         judging = JUDGES[mutant.side][mutant.requirement]
         known = {(RULE if it.level == "L0" else it.name) for it in judging}
         binds = requirements("1.1")[mutant.requirement].binds
@@ -67,7 +87,7 @@ def test_each_mutant_names_a_requirement_who_judges_it_and_for_what():
 def test_each_mutant_runs_through_a_requirement_that_has_a_check():
     has = {side: {it.requirement for it in checks_of(side)} for side in SIDES}
 
-    def runs(mutant: Mutant) -> bool:
+    def runs(mutant: Specimen) -> bool:
         direct = mutant.check == RULE or mutant.through == mutant.requirement
         return mutant.through in has[mutant.side] and direct
 
@@ -75,7 +95,7 @@ def test_each_mutant_runs_through_a_requirement_that_has_a_check():
 
 
 def test_each_specimen_can_be_made_of_the_reference_as_it_is():
-    def made(specimen: Mutant | Variation) -> bool:
+    def made(specimen: Specimen) -> bool:
         try:
             with pytest.MonkeyPatch.context() as patch:
                 specimen.alter(patch)
@@ -83,7 +103,7 @@ def test_each_specimen_can_be_made_of_the_reference_as_it_is():
             return False
         return True
 
-    assert [it.name for it in (*mutants(), *variations(), *groups()) if not made(it)] == []
+    assert [it.name for it in specimens() if not made(it)] == []
 
 
 class Noted(pytest.MonkeyPatch):
@@ -120,7 +140,7 @@ def test_the_advice_that_a_variation_breaks_is_advice():
 
 
 def test_every_family_of_rules_has_a_mutant():
-    killers = {killer for mutant in mutants() for killer in judged_by(mutant)}
+    killers = {killer for mutant in MUTANTS.values() for killer in judged_by(mutant)}
     judging = {rule.__name__ for rule in rules.all_rules()}
     for family, functions in families(rules):
         assert functions & killers or not functions & judging, f"no mutant for {family}"
@@ -128,7 +148,7 @@ def test_every_family_of_rules_has_a_mutant():
 
 @pytest.mark.parametrize("side", SIDES)
 def test_every_requirement_that_is_judged_has_a_mutant(side):
-    broken = {m.requirement for m in mutants() if m.side == side}
+    broken = {m.requirement for m in MUTANTS.values() if m.side == side}
     elsewhere = by_miniatures(side)
     here = {id for id, found in JUDGES[side].items() if {j.name for j in found} - elsewhere}
     assert broken == here - WITHOUT_A_MUTANT[side]
@@ -136,21 +156,24 @@ def test_every_requirement_that_is_judged_has_a_mutant(side):
 
 @pytest.mark.parametrize("side", SIDES)
 def test_every_check_has_a_mutant(side):
-    here = {(m.requirement, m.check) for m in mutants() if m.side == side}
+    here = {(m.requirement, m.check) for m in MUTANTS.values() if m.side == side}
     elsewhere = by_miniatures(side)
     there = {(it.requirement, it.name) for it in checks_of(side) if it.name not in elsewhere}
     assert {name for name, _ in there - here} <= WITHOUT_A_MUTANT[side]
 
 
+@pytest.mark.skipif(not HAS_CUDA, reason="without cuda-bindings there are fewer")
 def test_the_stored_kill_matrix_is_of_the_mutants_that_there_are():
     page = (ROOT / "conformance" / "KILL_MATRIX.md").read_text("utf-8")
-    row = re.compile(r"^\| (\S+) \| `(\S+)` \| .* \| `(\S+)` \| killed \| `(\S+)` \|$", re.M)
-    there = {(it.requirement, it.name, it.check, it.code) for it in mutants()}
+    row = re.compile(r"^\| (\S+) \| `(\S+)` \| .* \| `([^`]+)` \| killed \| `?(.+?)`? \|$", re.M)
+    none = "—"
+    there = {(it.requirement or none, it.name, it.check, it.code or none) for it in mutants()}
     assert set(row.findall(page)) == there
 
 
-MUTANT = Mutant(
-    "m", "breaks it", lambda patch: None, "FRM-3", "check_it", "too-long", "FRM-3", "client"
+MUTANT = Specimen(
+    *("m", "breaks it", lambda patch: None, Kind.MUTANT, Home("client")),
+    *("", "FRM-3", "check_it", "too-long", "FRM-3"),
 )
 
 
@@ -170,13 +193,8 @@ def test_a_mutant_is_killed_by_its_check_with_its_code_alone(cell, fate):
     assert fate_of(MUTANT, [cell]) is fate
 
 
-def judged(monkeypatch, specimens):
-    monkeypatch.setattr(keeping, "every_specimen", lambda profile: iter(specimens.items()))
-    return keeping.judge_all((), "brief", lambda row: None)
-
-
-def row(name, fate, kind="mutant"):
-    return SpecimenResult(name, kind, "breaks it", fate, (), 1.0, "FRM-3", "check_it", "a-code")
+def row(name, fate, kind=Kind.MUTANT):
+    return SpecimenResult(replace(MUTANT, name=name, kind=kind), fate)
 
 
 def test_it_fails_when_a_mutant_survives(capsys):
@@ -187,74 +205,70 @@ def test_it_fails_when_a_mutant_survives(capsys):
 
 
 def test_it_passes_when_all_is_as_it_must_be():
-    assert zoo.told([row("killed-one", Fate.KILLED), row("usual", Fate.ALLOWED, "variation")]) == 0
+    assert (
+        zoo.told([row("killed-one", Fate.KILLED), row("usual", Fate.ALLOWED, Kind.VARIATION)]) == 0
+    )
 
 
 @pytest.mark.parametrize("alone", [Fate.ALLOWED, Fate.CONDEMNED])
 def test_a_group_that_is_condemned_is_judged_one_by_one(monkeypatch, alone):
     (group, *_) = groups()
-    specimens = {group.name: lambda: row(group.name, Fate.CONDEMNED, "variation")}
-    specimens |= {
-        name: lambda name=name: row(name, alone if name == group.members[0] else Fate.ALLOWED)
-        for name in group.members
-    }
-    bad = [it.name for it in judged(monkeypatch, specimens) if it.fate is Fate.CONDEMNED]
+    fates = dict.fromkeys(group.members, Fate.ALLOWED)
+    fates |= {group.name: Fate.CONDEMNED, group.members[0]: alone}
+    judging = lambda it, profile: SpecimenResult(it, fates[it.name])  # noqa: E731
+    monkeypatch.setattr(schedule, "judge", judging)
+    rows = schedule.judge_all([group.name], "brief", lambda row: None)
+    bad = [it.name for it in rows if it.fate is Fate.CONDEMNED]
     assert bad == [group.members[0] if alone is Fate.CONDEMNED else group.name]
 
 
 def test_of_a_group_each_is_warned_of_its_own_advice():
     group = next(it for it in groups() if it.warns)
     warned = tuple(Cell(name, "rule", "warn", "against advice") for name in group.warns)
-    one = replace(row(group.name, Fate.ALLOWED, "variation"), cells=warned)
+    one = SpecimenResult(group, Fate.ALLOWED, warned)
     told = {
         it.name: {cell.requirement for cell in it.cells}
-        for it in keeping.members(group, one, {}, lambda row: None)
+        for it in schedule.members(group, one, judge.judge, lambda row: None)
     }
     assert told == {name: VARIATIONS[name].warns for name in group.members}
 
 
 def test_a_name_that_nobody_has_is_told_with_what_is_near():
-    assert keeping.unknown(["releases-twice"]) == ""
-    assert "did you mean releases-twice" in keeping.unknown(["releases-twice", "release-twice"])
+    assert schedule.unknown(["releases-twice"]) == ""
+    assert "did you mean releases-twice" in schedule.unknown(["releases-twice", "release-twice"])
 
 
 def test_the_matrix_is_stored_for_programs_and_people(tmp_path):
-    rows = [row("b", Fate.KILLED), row("a", Fate.MISTAKEN), row("v", Fate.ALLOWED, "variation")]
+    rows = [row("b", Fate.KILLED), row("a", Fate.MISTAKEN), row("v", Fate.ALLOWED, Kind.VARIATION)]
     kill_matrix.save(rows, tmp_path / "MATRIX.json")
     stored = json.loads((tmp_path / "MATRIX.json").read_text("utf-8"))
     assert [each["fate"] for each in stored["rows"]] == [each.fate for each in rows]
     page = (tmp_path / "MATRIX.md").read_text("utf-8")
     assert page == kill_matrix.markdown(rows)
-    assert "| FRM-3 | `b` | breaks it | `check_it` | killed | `a-code` |" in page
+    assert "| FRM-3 | `b` | breaks it | `check_it` | killed | `too-long` |" in page
 
 
-@pytest.mark.parametrize("name", ["byte-order-mark", "empty-packets-are-skipped", "releases-twice"])
+OF_EACH_KIND = ["byte-order-mark", "empty-packets-are-skipped", "releases-twice", "never-closes"]
+
+
+@pytest.mark.parametrize("name", OF_EACH_KIND)
 def test_a_mutant_dies(name):
-    judged = judge.judge_mutant(MUTANTS[name])
+    judged = judge.judge(EVERY[name])
     assert judged.fate is Fate.KILLED, judged
 
 
 def test_a_variation_lives():
-    report, status, last_words = judge.run_harness("numbers-of-17-digits", "client", "CHN-10", 60.0)
+    report, status, last_words = judge.run_harness(VARIATIONS["numbers-of-17-digits"], "CHN-10")
     assert status == 0, last_words
     assert not any(cell.condemns for cell in judge.cells_of(report))
 
 
 def test_a_mutant_that_no_check_looks_at_survives():
-    unseen = MUTANTS["releases-twice"]
-    elsewhere = Mutant(
-        unseen.name,
-        unseen.does,
-        unseen.alter,
-        "FRM-3",
-        "check_bad_length_closes",
-        "x",
-        "FRM-3",
-        "client",
-    )
-    assert judge.judge_mutant(elsewhere).fate is Fate.SURVIVED
+    of_another = {"requirement": "FRM-3", "check": "check_bad_length_closes"}
+    unseen = replace(MUTANTS["releases-twice"], **of_another)
+    assert judge.judge(unseen).fate is Fate.SURVIVED
 
 
 def test_each_specimen_is_found_by_its_name():
-    for specimen in (*mutants(), *variations(), *groups()):
+    for specimen in specimens()[len(REFERENCES) :]:
         assert specimen_named(specimen.name) is specimen

@@ -86,7 +86,7 @@ def test_a_device_may_know_no_subnormal_numbers():
 
 
 def test_six_digits_are_told_in_pixels():
-    row = judge.judge_mutant(MUTANTS["sends-six-digits"])
+    row = judge.judge(MUTANTS["sends-six-digits"])
     text = next(cell.text for cell in row.cells if cell.check == MUTANTS[row.name].check)
     assert "image of 64x48, camera up to 10 units from the origin: worst" in text
     assert " px in " in text

@@ -7,13 +7,16 @@ import sys
 from typing import Any
 
 from splatbus_wire import encoding, json_text, packet_reader
-from splatbus_wire.packet_reader import PacketReader
 
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import wire
 
 Json = dict[str, Any]
 STATUS_ACCESS_VIOLATION = 0xC0000005
+RUN = "SPLATBUS_ZOO"
+"""A variable with the number of the run that a specimen belongs to."""
+OF_THIS_RUN = f"splatbus-{os.environ.get(RUN, 0)}-"
+"""With what names of memory begin that no reference server removes when it starts beside."""
 
 
 def messages(patch, change):
@@ -36,7 +39,7 @@ def counts_each_byte(patch):
         original(self, data, now)
         self.deadline = now + packet_reader.COMPLETION_SECONDS
 
-    Seam(PacketReader, "receive").wrap(patch, receive)
+    wire.RECEIVES.wrap(patch, receive)
 
 
 def packets(patch, change):

@@ -18,7 +18,7 @@ import splatbus_wire
 from tests import zoo
 from tests.zoo.faults import seams
 from tests.zoo.faults.seam import Seam
-from tests.zoo.registry import mutants, variations
+from tests.zoo.registry import specimens
 
 PROGRAMS = (splatbus_client, splatbus_renderer, splatbus_server, splatbus_viewer, splatbus_wire)
 OF_NAMED_TUPLES = {"_asdict", "_fields", "_make", "_replace"}
@@ -165,7 +165,7 @@ def wrong_shapes(monkeypatch, alter):
     return shapes.wrong
 
 
-@pytest.mark.parametrize("specimen", [*mutants(), *variations()], ids=lambda it: it.name)
+@pytest.mark.parametrize("specimen", specimens(), ids=lambda it: it.name)
 def test_what_takes_a_step_s_place_can_be_called_as_it_is(monkeypatch, specimen):
     """Else it would die by a TypeError, and not by what it breaks."""
     assert wrong_shapes(monkeypatch, specimen.alter) == []

@@ -22,8 +22,9 @@ from splatbus_conformance.verdicts import (
 )
 
 from tests.zoo.judge import run_harness
-from tests.zoo.machine import lines, modules, specimens
+from tests.zoo.machine import lines, modules
 from tests.zoo.machine.lines import Watched
+from tests.zoo.machine.specimens import WATCHED, MachineMade
 from tests.zoo.machine.testing import FOLDERS, ROOT, ByTests, watch_tests
 from tests.zoo.machine.trials import (
     BY_RULES,
@@ -178,13 +179,10 @@ def _by_checks(phase: Phase) -> tuple[str, Watched]:
         path = Path(folder, "lines")
         now = lines.now_of(path)
         lines.nobody_yet(now)
-        name = specimens.named(specimens.WATCHED, phase.side, phase.axes, str(path))
         report, status, last_words = run_harness(
-            name,
-            phase.side,
+            MachineMade(WATCHED, phase.side, phase.axes, str(path)),
             ",".join((BY_RULES, *every)),
             WATCHED_SECONDS,
-            phase.axes,
             environment=phase.environment,
             main=partial(judging, str(now), ()),
             command=phase.command,

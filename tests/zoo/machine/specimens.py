@@ -23,19 +23,20 @@ MAKES: dict[str, Callable[[str], None]] = {CHANGED: change_on_import, WATCHED: w
 class MachineMade:
     """What was not declared in the zoo."""
 
-    name: str
+    how: str
     side: Side
     axes: str
+    what: str
+    """The change, or the file."""
+
+    @property
+    def name(self) -> str:
+        """By which it is started."""
+        return "/".join((self.how, self.side, self.axes, self.what))
 
     def alter(self, patch: Patch) -> None:
         """Before the reference is imported."""
-        how, _, _, what = self.name.split("/", 3)
-        MAKES[how](what)
-
-
-def named(how: str, side: Side, axes: str, what: str) -> str:
-    """The name of such a specimen."""
-    return f"{how}/{side}/{axes}/{what}"
+        MAKES[self.how](self.what)
 
 
 def machine_made(name: str) -> MachineMade | None:
@@ -43,4 +44,5 @@ def machine_made(name: str) -> MachineMade | None:
     how, *rest = name.split("/", 3)
     if how not in MAKES or len(rest) != 3:
         return None
-    return MachineMade(name, cast(Side, rest[0]), rest[1])
+    side, axes, what = rest
+    return MachineMade(how, cast(Side, side), axes, what)

@@ -13,12 +13,12 @@ from tests.zoo.machine import __main__ as command
 from tests.zoo.machine import (
     lines,
     modules,
-    specimens,
     testing,
     trials,
 )
 from tests.zoo.machine.changes import Change, changes
 from tests.zoo.machine.lines import MEETING, START, Watched, noted
+from tests.zoo.machine.specimens import CHANGED, MachineMade
 from tests.zoo.machine.testing import ByTests
 from tests.zoo.machine.trials import HarnessVerdict, Judged, MutantFate, Phase
 from tests.zoo.registry import specimen_named
@@ -77,9 +77,8 @@ def test_a_module_is_changed_while_it_is_imported_and_only_then():
 
 
 def test_specimens_of_the_machine_are_found_by_their_name():
-    name = specimens.named(specimens.CHANGED, "client", "unity", f"{MODULE}:f:bound:1")
-    found = specimen_named(name)
-    assert (found.side, found.axes) == ("client", "unity")
+    made = MachineMade(CHANGED, "client", "unity", f"{MODULE}:f:bound:1")
+    assert specimen_named(made.name) == made
     assert specimen_named("machine/what") is None
 
 

@@ -15,9 +15,10 @@ from splatbus_conformance.selection import RULE
 from splatbus_conformance.verdicts import EXIT_NO_VERDICT, Verdict
 
 from tests.zoo.judge import Cell, cells_of, run_harness
-from tests.zoo.machine import lines, specimens
+from tests.zoo.machine import lines
 from tests.zoo.machine.lines import Watched
 from tests.zoo.machine.modules import Drawn
+from tests.zoo.machine.specimens import CHANGED, MachineMade
 from tests.zoo.machine.testing import ByTests, by_tests
 from tests.zoo.processes import harnesses
 
@@ -215,16 +216,14 @@ def _in_order(watched: Watched, drawn: Drawn, deadly: Sequence[str]) -> list[str
 
 def run(change: str, phase: Phase, checks: Sequence[str] = ()) -> HarnessVerdict:
     """What these checks find, in their order, or all."""
-    name = specimens.named(specimens.CHANGED, phase.side, phase.axes, change)
+    made = MachineMade(CHANGED, phase.side, phase.axes, change)
     with tempfile.TemporaryDirectory(prefix="splatbus-machine-") as folder:
         now = lines.now_of(Path(folder, "machine"))
         lines.nobody_yet(now)
         report, status, last_words = run_harness(
-            name,
-            phase.side,
+            made,
             ",".join((BY_RULES, *checks) if checks else ()),
             RUN_SECONDS,
-            phase.axes,
             ("--exitfirst",),
             phase.environment,
             partial(judging, str(now), checks),

@@ -5,13 +5,13 @@ from collections.abc import Callable
 
 from tests.zoo.faults.patching import Patch
 from tests.zoo.machine.specimens import MachineMade
-from tests.zoo.mutant import Mutant, Variation
+from tests.zoo.mutant import Specimen
 
 Program = Callable[[list[str]], int]
 """Takes arguments of a command line, and gives the exit status."""
 
 
-def altered(specimen: Mutant | Variation | MachineMade) -> Program:
+def altered(specimen: Specimen | MachineMade) -> Program:
     """Alter this process to the specimen's taste, and give the program that it alters.
 
     That is imported afterwards, if it was not before (`tests.zoo.preload`), and no other is.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.zoo.faults.surgery import OF_THIS_RUN
 from tests.zoo.processes import fork_server
 from tests.zoo.processes.fork_server import COMMAND, forking_specimens
 
@@ -19,7 +20,7 @@ PATIENCE = 20.0
 @pytest.fixture(autouse=True)
 def _what_a_killed_server_leaves_goes():
     yield
-    for left in Path("/dev/shm").glob("splatbus-own-0-*"):
+    for left in Path("/dev/shm").glob(f"{OF_THIS_RUN}0-*"):
         left.unlink()
 
 

@@ -3,10 +3,9 @@
 import time
 
 from splatbus_client.lease import FrameLease
-from splatbus_viewer.mirror import Mirror
 
 from tests.zoo.faults.seam import Seam
-from tests.zoo.faults.seams import client
+from tests.zoo.faults.seams import client, viewer
 from tests.zoo.mutant import variation
 
 LOADING_SECONDS = 4.0
@@ -41,7 +40,7 @@ def builds_its_shaders_with_the_first_frame(patch):
     Seam(FrameLease, "release").wrap(patch, release)
 
 
-@variation(axes="opencv", at=Seam(Mirror, "read"))
+@variation(axes="opencv", at=viewer.READS_FRAME)
 def looks_for_frames_at_4_hz(original, self, timeout):
     """Reads four frames a second at most."""
     time.sleep(PERIOD_SECONDS)

@@ -14,7 +14,7 @@ from splatbus_wire.messages import CameraPose
 
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import renderer, server
-from tests.zoo.faults.surgery import messages, of_type
+from tests.zoo.faults.surgery import OF_THIS_RUN, messages, of_type
 from tests.zoo.mutant import variation
 from tests.zoo.mutants.v1_1.ctl import unsaid
 from tests.zoo.mutants.v1_1.neg.servers import (
@@ -118,8 +118,8 @@ def server_has_one_name_for_its_memory(patch):
     def create(original, size, *_):
         name = f"{port}-{next(count)}"
         Seam(secrets, "token_hex").replace(patch, lambda length: name)
-        (shared_memory.DIRECTORY / f"splatbus-own-{name}").unlink(missing_ok=True)
-        return original(size, "splatbus-own-")
+        (shared_memory.DIRECTORY / f"{OF_THIS_RUN}{name}").unlink(missing_ok=True)
+        return original(size, OF_THIS_RUN)
 
     port, count = os.environ.get("SPLATBUS_IPC_PORT", "0"), itertools.count(1)
     server.CREATES_SEGMENT.wrap(patch, create)

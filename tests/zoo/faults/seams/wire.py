@@ -11,6 +11,7 @@ from splatbus_wire import (
 )
 from splatbus_wire.conventions import Engine
 from splatbus_wire.framing import PacketDecoder
+from splatbus_wire.packet_reader import PacketReader
 
 from tests.zoo.faults.seam import Seam
 
@@ -24,6 +25,7 @@ NAMES_OF_MEMORY = Seam(init_packet, "SHM_NAME")
 VERSIONS_OF_MEMORY = Seam(init_packet, "VERSIONS")
 CHECKS_SLOTS = Seam(init_packet, "check_slots")
 ENCODES_PACKET = Seam(encoding, "encode_packet")
+RECEIVES = Seam(PacketReader, "receive")
 MOST_PAYLOAD_BYTES = Seam(framing, "MAX_PAYLOAD_BYTES")
 RECEIVES_BYTES = Seam(PacketDecoder, "receive")
 NEXT_PACKET = Seam(PacketDecoder, "next_packet")

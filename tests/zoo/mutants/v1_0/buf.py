@@ -3,7 +3,6 @@
 import threading
 
 import numpy as np
-from splatbus_server.reader import Reader
 from splatbus_server.view import View
 
 from tests.zoo.faults.seam import Seam
@@ -145,7 +144,7 @@ def server_lends_what_it_has(patch):
 @mutant("IMG-20", check="check_what_is_subscribed_to_is_written", code="other-pixels")
 def server_writes_what_was_said_last(patch):
     """Writes what its readers want when it renders, and not what they wanted when they waited."""
-    Seam(Reader, "needs").replace(patch, property(lambda self: self.wants))
+    server.NEEDS_OF_READER.replace(patch, property(lambda self: self.wants))
 
 
 @mutant(

@@ -2,7 +2,6 @@
 
 from splatbus_schemas import LIMITS
 from splatbus_server import connection
-from splatbus_server.connection import Connection
 
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
@@ -15,7 +14,7 @@ def server_keeps_every_connection(patch):
     server.MOST_CONNECTIONS.replace(patch, 100_000)
 
 
-@mutant("LIM-2", check="check_who_never_reads_is_closed", code="hangs", at=Seam(Connection, "sent"))
+@mutant("LIM-2", check="check_who_never_reads_is_closed", code="hangs", at=server.COUNTS_SENT)
 def server_keeps_every_reply(original, self, count, now):
     """Keeps replies for a client that does not read, however many and however long."""
     del self.unsent[:count]

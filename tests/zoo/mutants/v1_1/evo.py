@@ -7,7 +7,7 @@ from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import encode_packet
 from splatbus_wire.messages import Welcome
 
-from tests.zoo.faults.seams import client, server, wire
+from tests.zoo.faults.seams import client, wire
 from tests.zoo.faults.surgery import messages, of_type
 from tests.zoo.mutant import mutant
 from tests.zoo.mutants.v1_0.jsn.servers import trusts_its_scene
@@ -30,14 +30,6 @@ def leaves_who_says_more_than_it_knows(original, self, payload, now):
     if message.get("type") == "welcome" and set(message) - {"type", *Welcome._fields}:
         return [MustClose("too new")]
     return original(self, payload, now)
-
-
-@mutant("EVO-1", check=LATER, code="no-welcome", at=server.ANSWERS_HELLO)
-def server_refuses_who_speaks_a_later_version(original, hello, **terms):
-    """Takes a hello that lists a version which it does not know for an invalid message."""
-    if set(hello.versions) - {"1.0", "1.1"}:
-        raise ProtocolError("invalid_message", "there is no such version", requirement="")
-    return original(hello, **terms)
 
 
 @mutant("EVO-2", code="unknown-capability", through="CHN-17")
@@ -65,27 +57,6 @@ def _says_once_welcome(patch, payload):
         self.unsent += encode_packet(payload)
 
     client.TAKES_WELCOME_ON_IPC.wrap(patch, on_welcome)
-
-
-@mutant("EVO-2", code="unknown-type")
-def server_has_types_of_its_own(patch):
-    """Sends a type of its own behind each `welcome`."""
-    _server_says_behind_welcome(patch, b'{"type":"notice","text":"hi"}')
-
-
-@mutant("EVO-3", code="not-granted")
-def server_has_types_of_its_own_with_a_name(patch):
-    """Sends a type of its vendor's that was not agreed upon."""
-    _server_says_behind_welcome(patch, b'{"type":"x-example-notice","text":"hi"}')
-
-
-def _server_says_behind_welcome(patch, payload):
-    def send(original, self, message):
-        original(self, message)
-        if isinstance(message, Welcome):
-            self.unsent += encode_packet(payload)
-
-    server.SENDS.wrap(patch, send)
 
 
 @mutant("EVO-4", code="unknown-member", both=True)

@@ -3,9 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
-from splatbus_server.connection import Connection, Refusal
+from splatbus_server.connection import Refusal
 from splatbus_server.memory import Memory
-from splatbus_server.session import Session
 from splatbus_server.viewport import Change, Viewport
 from splatbus_wire.messages import GetViewportSize, SetViewport, ViewportSize
 
@@ -39,7 +38,7 @@ def unhindered(patch, requirement, words):
 )
 def server_answers_while_it_makes_memory(patch):
     """Goes on answering requests while it has not yet answered a `set_viewport`."""
-    Seam(Connection, "hold").replace(patch, lambda self: None)
+    server.HOLDS_REQUESTS.replace(patch, lambda self: None)
 
 
 @mutant("VPT-2", check=ANSWERS, code="another-answer")
@@ -160,7 +159,7 @@ def server_frees_nothing(patch):
 @mutant("VPT-8", check="check_closes_who_does_not_let_go", code="waits")
 def server_waits_for_ever(patch):
     """Lets a client keep former memory."""
-    Seam(Session, "end_who_keeps").wrap(patch, lambda original, self, now: None)
+    server.ENDS_WHO_KEEPS.wrap(patch, lambda original, self, now: None)
 
 
 @mutant("OPN-8", check=KEEPS, code="memory-gone")
@@ -180,7 +179,7 @@ def forgets(patch, forgotten):
                     del reader.announced[number]
         original(self, now)
 
-    Seam(Session, "free_replaced").wrap(patch, free)
+    server.FREES_FORMER_MEMORY.wrap(patch, free)
 
 
 @mutant("OPN-8", check=KEEPS, code="written-while-held", at=server.MAKES_SUCCESSOR)

@@ -2,8 +2,6 @@
 
 import time
 
-from splatbus_server.exchange import Exchange
-from splatbus_server.ring import Ring
 from splatbus_server.session import Session
 from splatbus_wire.messages import Release
 
@@ -46,7 +44,7 @@ def server_closes_at_a_wrong_release(original, self, connection, message):
 @mutant("IMG-17", check="check_ends_leases_with_the_connection", code="no-frame")
 def server_keeps_the_leases_of_the_dead(patch):
     """Waits for the release of an image although the connection that holds it has ended."""
-    Seam(Exchange, "forget").wrap(patch, lambda original, *arguments: None)
+    server.ENDS_LEASES.wrap(patch, lambda original, *arguments: None)
     _lends_to_any_number(patch)
 
 
@@ -71,7 +69,7 @@ def _lends_to_any_number(patch):
         time.sleep(0.01)
         return None
 
-    Seam(Ring, "lease").wrap(patch, lease)
+    server.LEASES_SLOT.wrap(patch, lease)
     server.CHOOSES_SLOT.wrap(patch, begin_write)
     server.NEXT_VIEW.wrap(patch, next_view)
 

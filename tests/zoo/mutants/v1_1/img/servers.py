@@ -139,7 +139,7 @@ MORE = "check_shows_what_is_newly_subscribed_to"
 @mutant("IMG-25", check=MORE, code="no-frame")
 def server_lets_a_scene_rest(patch):
     """Makes no image for a subscription, unless the newest lacks what is wanted."""
-    Seam(Exchange, "renew").replace(patch, lambda self, client, memory: None)
+    server.OWES_MORE.replace(patch, lambda self, client, memory: None)
 
 
 @mutant("IMG-25", check=MORE, code="no-frame", at=Seam(Reader, "take"))

@@ -10,7 +10,7 @@ from splatbus_server.shared_memory import DIRECTORY, Segment
 from splatbus_wire.messages import OpenFailed
 
 from tests.zoo.faults.seams import server
-from tests.zoo.faults.surgery import messages
+from tests.zoo.faults.surgery import OF_THIS_RUN, messages
 from tests.zoo.mutant import mutant
 from tests.zoo.mutants.v1_1.neg.clients import without
 
@@ -121,7 +121,7 @@ def server_lets_everybody_read(original, size, *prefix):
 )
 def server_uses_memory_that_it_finds(original, size, *prefix):
     """Has one name for its memory, and takes what has that name."""
-    path = DIRECTORY / "splatbus-mutant-found"
+    path = DIRECTORY / f"{OF_THIS_RUN}found"
     with ExitStack() as cleanup:
         cleanup.callback(path.unlink, missing_ok=True)
         file = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)

@@ -2,7 +2,6 @@
 
 from splatbus_client import reading
 from splatbus_client.events import Ignored, MustClose
-from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import (
@@ -265,9 +264,7 @@ def ids_to_a_1_0_server(patch):
     messages(patch, of_type("get_viewport_size", lambda request: {"id": 7} | request))
 
 
-@mutant(
-    "NEG-14", code="no-fallback", through="NEG-14", at=Seam(IpcProtocol, "on_init_packet_of_1_0")
-)
+@mutant("NEG-14", code="no-fallback", through="NEG-14", at=client.TAKES_INIT_PACKET_OF_1_0)
 def subscribes_on_the_ipc_channel_of_1_0(original, self, packet):
     """Subscribes after the init packet of a 1.0 server."""
     yield from original(self, packet)

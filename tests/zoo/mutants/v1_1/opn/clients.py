@@ -268,7 +268,7 @@ def removes_the_memory(patch):
             Path("/dev/shm", name).unlink(missing_ok=True)
 
     client.BEGINS_WITH_MEMORY.wrap(patch, images)
-    Seam(Reading, "end").wrap(patch, end)
+    client.ENDS_READING.wrap(patch, end)
 
 
 @mutant("OPN-10", check=ALONE, code="removed-memory", at=client.BEGINS_WITH_MEMORY)

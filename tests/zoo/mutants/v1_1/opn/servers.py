@@ -11,7 +11,7 @@ from splatbus_wire.messages import Closed, Opened
 
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
-from tests.zoo.faults.surgery import crash
+from tests.zoo.faults.surgery import OF_THIS_RUN, crash
 from tests.zoo.mutant import mutant
 
 
@@ -42,7 +42,7 @@ def server_reuses_memory_that_one_reader_closed(original, self, connection, mess
 
 def calls_its_memory_otherwise(patch):
     """Give memory a name that the reference server does not remove when it starts beside."""
-    server.CREATES_SEGMENT.wrap(patch, lambda create, size, *_: create(size, "splatbus-mutant-"))
+    server.CREATES_SEGMENT.wrap(patch, lambda create, size, *_: create(size, OF_THIS_RUN))
 
 
 @mutant("OPN-9", check="check_leaves_no_memory_behind", code="memory-not-swept")

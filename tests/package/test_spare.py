@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.zoo.processes import spare
-from tests.zoo.processes.spare import Spare
+from tests import spare
+from tests.spare import Spare
 
 BUSY, HALF_IDLE = (90, 0, 10, 0, 0), (40, 0, 10, 45, 5)
 """Ticks of programs, nice ones, the system, idle, and while a disk was waited for."""

@@ -1,0 +1,1 @@
+"""Mutants whose images are in memory of a GPU."""

@@ -1,0 +1,1 @@
+"""Small faults of the pair, each of which an invariant of the simulation has to find."""
