@@ -84,6 +84,9 @@ def test_a_frame_of_another_size_than_its_memory_is_given_back_unread(server, se
     ipc = server.ipc_opened(memory)
     ipc.send(frame(7, camera=CAMERA | {"width": 100}))
     assert ipc.receive() == release(7)
+    ipc.send(frame(8))
+    with session.next_frame(5) as lease:
+        assert lease.seq == 8
 
 
 @linux
