@@ -204,7 +204,11 @@ def test_what_no_schema_can_say_is_refused_too(name, why, pointer, value, requir
 
 @pytest.mark.parametrize(
     ("name", "pointer", "value"),
-    [("hello", "/client/version", ""), ("welcome", "/server/version", "")],
+    [
+        ("hello", "/client/version", ""),
+        ("hello", "/token", "x"),
+        ("welcome", "/server/version", ""),
+    ],
 )
 def test_what_no_example_shows_is_taken_too(name, pointer, value):
     message = with_value(examples(name, "1.1")[0][0].message, pointer, value)

@@ -19,7 +19,7 @@ from tests.wire.stress import positions, quaternions
 
 stress = settings(deadline=None, max_examples=100)
 poses = st.builds(Pose, positions, quaternions())
-scales = st.just(1.0) | st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
+scales = st.sampled_from([1.0, 2.0]) | st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
 TURNED = Pose((3.0, -1.0, 2.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
 
 
