@@ -9,6 +9,7 @@ import pytest
 from splatbus_client import MemoryLostError, connect
 
 from tests.peers.fake_server import (
+    CAMERA,
     HEIGHT,
     SIZE,
     WIDTH,
@@ -77,6 +78,15 @@ def test_a_frame_is_released_even_if_its_reader_fails(server, session, memory):
     with pytest.raises(ZeroDivisionError), session.next_frame(5):
         _ = 1 / 0
     assert ipc.receive() == release(7)
+
+
+def test_a_frame_of_another_size_than_its_memory_is_given_back_unread(server, session, memory):
+    ipc = server.ipc_opened(memory)
+    ipc.send(frame(7, camera=CAMERA | {"width": 100}))
+    assert ipc.receive() == release(7)
+    ipc.send(frame(8))
+    with session.next_frame(5) as lease:
+        assert lease.seq == 8
 
 
 @linux

@@ -200,3 +200,17 @@ def test_what_no_schema_can_say_is_refused_too(name, why, pointer, value, requir
     error = refusal(decode_example, name, changed, said_hello=True)
     assert (error.requirement, error.pointer) == (requirement, at)
     assert error.code == CODES.get(requirement, "invalid_message")
+
+
+@pytest.mark.parametrize(
+    ("name", "pointer", "value"),
+    [
+        ("hello", "/client/version", ""),
+        ("hello", "/token", "x"),
+        ("welcome", "/server/version", ""),
+    ],
+)
+def test_what_no_example_shows_is_taken_too(name, pointer, value):
+    message = with_value(examples(name, "1.1")[0][0].message, pointer, value)
+    taken = decode_example(name, message, said_hello=True)
+    assert sent_again(name, taken, "1.1") == message

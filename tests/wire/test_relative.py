@@ -19,7 +19,7 @@ from tests.wire.stress import positions, quaternions
 
 stress = settings(deadline=None, max_examples=100)
 poses = st.builds(Pose, positions, quaternions())
-scales = st.just(1.0) | st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
+scales = st.sampled_from([1.0, 2.0]) | st.floats(LIMITS["min_scale"], LIMITS["max_scale"])
 TURNED = Pose((3.0, -1.0, 2.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
 
 
@@ -44,6 +44,8 @@ def test_the_camera_in_an_object_is_within_16u(camera, points, origin, scale):
         a / Fraction(scale) - Fraction(b) for a, b in zip(at_no_origin, origin, strict=True)
     ]
     got = camera_in_object(camera, points, origin, scale)
+    if scale == 1:
+        assert camera_in_object(camera, points, origin) == got
     off = oracle.norm([a - b for a, b in zip(map(Fraction, got), expected, strict=True)])
     allowed = budget([a / Fraction(scale) for a in offset], origin)
     target(float(off) / allowed if allowed else 0.0)
