@@ -126,7 +126,6 @@ def check(
     cases: Choice | Mapping[End, Choice] | None = None,
     may_crash: bool = False,
     profile: str = "brief",
-    observable: str = "",
 ) -> Callable[[Callable[..., bool | None]], Callable[[Any], None]]:
     """Declare a function to be the check of a requirement.
 
@@ -155,9 +154,10 @@ def check(
                         raise NotObservable(why_not)
                     _through(function, trial, End(trial.side, place), given, cases)
                 except NotObservable as nothing:
-                    if place is None or {*trial.unseen, place} == shown.keys():
-                        raise
                     trial.unseen[place] = str(nothing)
+            if trial.unseen.keys() == shown.keys():
+                tried = [place for place, why_not in shown.items() if not why_not]
+                raise NotObservable(trial.unseen[next(iter(tried or shown))])
 
         functools.update_wrapper(play, function, updated=())
         del play.__wrapped__  # type: ignore[attr-defined]  # whoever collects it gives it a trial
@@ -185,13 +185,20 @@ def _through(
             context = isinstance(setting, AbstractContextManager)
             arguments.append(held.enter_context(setting) if context else setting)
         if cases is None:
-            trial.delivered += function(*arguments) is not False
+            _count(trial, function, *arguments)
             return
         chosen = cases[end] if isinstance(cases, Mapping) else cases
         if not isinstance(chosen, Cases):
             chosen = chosen(*arguments)
         for case in trial.each(**chosen._asdict()):
-            trial.delivered += function(*arguments, case) is not False
+            _count(trial, function, *arguments, case)
+
+
+def _count(trial: Any, function: Callable[..., bool | None], *arguments: Any) -> None:
+    """Sessions count themselves; else a case is delivered once."""
+    before = trial.delivered
+    if function(*arguments) is not False and trial.delivered == before:
+        trial.delivered += 1
 
 
 def paragraph(docstring: str | None) -> str:

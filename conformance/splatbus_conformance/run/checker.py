@@ -343,7 +343,7 @@ def _passed(trial: Trial) -> tuple[Verdict, str]:
         text = f"{trial.delivered} delivered"
     text += f"; {trial.extent}" if trial.extent else ""
     unseen = trial.unseen.items()
-    text += "".join(f"; nothing is said of {PLACES[at]}: {why}" for at, why in unseen)
+    text += "".join(f"; nothing is said of {PLACES[at]}: {why}" for at, why in unseen if at)
     return Verdict.PASS if trial.delivered else Verdict.SKIP, text
 
 

@@ -262,7 +262,7 @@ class ClientTrial(ReturningTrial):
             return "accepts"
         outcome = "declines" if "open_failed" in answers else "ignores"
         if generation in dealings.opened:
-            self.delivered += 1
+            self.controls += 1
             return outcome
         if generation in dealings.failed:
             return "refuses"
@@ -278,7 +278,7 @@ class ClientTrial(ReturningTrial):
             1.0 if self.facts.poses else REACTION_SECONDS,
         )
         if not connection.ended and len(connection.messages) > before + 1:
-            self.delivered += 1
+            self.controls += 1
             return "ignores"
         if not connection.ended and self.fate() is None:
             return "ignores" if self.comes_back("msg") else self.fate() or "hangs"
@@ -311,14 +311,14 @@ class ClientTrial(ReturningTrial):
         self.wait(self.fate, REACTION_SECONDS if connection.ended else 0.0)
         returns = connection.channel in self.facts.returns
         if self.fate() == "exits" and connection.ended and (self.facts.leaves or not returns):
-            self.delivered += 1
+            self.controls += 1
             return "closes"
         if fate := self.fate():
             return fate
         if not connection.ended:
             return "hangs"
         if not returns:
-            self.delivered += 1
+            self.controls += 1
             return "closes"
         return "closes" if self.comes_back(connection.channel) else self.fate() or "hangs"
 
@@ -330,7 +330,7 @@ class ClientTrial(ReturningTrial):
                 f"the testee is not known to come back to the {channel} channel: one that goes on "
                 "there and one that does not look alike"
             )
-        self.delivered += 1
+        self.controls += 1
 
     def _takes_further(self, connection: Connection) -> bool:
         return "reinit" in self.role.with_(connection).granted

@@ -104,7 +104,7 @@ class ReturningTrial(Trial):
             if connection is None:
                 return tries, False
             if self.goes_on_with(connection):
-                self.delivered += 1
+                self.controls += 1
                 return tries, True
             if not connection.ended:
                 return tries, False

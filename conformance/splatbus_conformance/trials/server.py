@@ -210,7 +210,7 @@ class ServerTrial(Trial):
         before = len(heard)
         self.viewer.say(connection, *requests)
         self.wait(lambda: controls.are_answered(requests, heard[before:]) or connection.ended)
-        self.delivered += (came := controls.are_answered(requests, heard[before:]))
+        self.controls += (came := controls.are_answered(requests, heard[before:]))
         return came
 
     # Scripts, and what becomes of them
@@ -261,7 +261,7 @@ class ServerTrial(Trial):
             self.wait(lambda: connection.ended, REACTION_SECONDS)
             goes_on = not connection.ended
         if goes_on and not connection.ended:
-            self.delivered += 1
+            self.controls += 1
             if any(it.get("type") in REPLIES for it in dealings.heard[before:]):
                 return "replies"
             return "reports" if len(dealings.errors()) > errors else "ignores"

@@ -82,6 +82,8 @@ class Trial:
         self.peer, self.testee, self.patience, self.stand_in, self.device = stand
         self.delivered = 0
         """Cases that were delivered and followed by something that proves it."""
+        self.controls = 0
+        """Good things that the testee was seen to take behind what was delivered."""
         self.extent = ""
         """How far a check of a limit has come, for whoever reads that it passed."""
         self.purpose = requirement.id
@@ -100,7 +102,7 @@ class Trial:
         """Every case that was begun, for each time that the check went through some."""
         self.simpler: list[Callable[[Any], Iterable[Any]]] = []
         """For each time, what makes a drawn case simpler."""
-        self.unseen: dict[Place, str] = {}
+        self.unseen: dict[Place | None, str] = {}
         """Why nothing can be said of a place, of a check that is tried at several."""
         self._going_through = False
         self.before_last_case = 0

@@ -345,9 +345,9 @@ def _survives(trial: ClientTrial, bad: Json, spoils: Callable[[Json], bool]) -> 
     what = f"the reply {shorten(json.dumps(bad), 400)}"
     if not trial.wait(lambda: replied or connection.ended):
         trial.not_observable(f"the testee did not ask again for what has {what}")
-    before = trial.delivered
+    before = trial.controls
     trial.judge(outcome_of_reading(trial, connection), what)
-    return trial.delivered > before
+    return trial.controls > before
 
 
 @contextmanager

@@ -409,14 +409,14 @@ def judge_row(trial: ClientTrial, payloads: Row) -> bool:
             chosen.append(broken)
             yield broken
 
-    before = trial.delivered
+    before = trial.controls
     with contextlib.closing(delivered()) as row:
         outcome = outcome_of_row(trial, row)
     if outcome not in trial.requirement.acceptable:
         for broken in chosen:
             trial.judge(outcome_of_row(trial, [broken]), f"msg: {named([broken])}")
     trial.judge(outcome, f"msg: {len(chosen)} broken payloads in a row")
-    return trial.delivered > before
+    return trial.controls > before
 
 
 def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
@@ -433,7 +433,7 @@ def outcome_of_row(trial: ClientTrial, payloads: Iterable[BrokenText]) -> str:
             trial.wait(trial.fate, ENDING_SECONDS)
             if fate := trial.fate():
                 return fate
-            trial.delivered += 1  # it has closed, and lives
+            trial.controls += 1  # it has closed, and lives
         if connection.ended:
             again = trial.next_connection("msg") if returns else asking(trial)
             if again is None:

@@ -155,7 +155,7 @@ def of_replies(trial: ClientTrial) -> Iterator[Judge]:
 
 def judge_replies(trial: ClientTrial, writer: Writer, times: int = 0) -> bool:
     """The same; it has to ask again so many times. Whether it was seen to have read."""
-    before = trial.delivered
+    before = trial.controls
     trial.role.server = ODDLY_NAMED
     written: list[bytes] = []
     trial.role.encode["msg"] = noting(writer, written)
@@ -168,7 +168,7 @@ def judge_replies(trial: ClientTrial, writer: Writer, times: int = 0) -> bool:
     last = shorten(written[-1].decode(), 400) if written else ""
     what = f"{len(written)} messages on the message channel, the last {last!r}"
     trial.judge("accepts" if outcome == "ignores" and read else outcome, what)
-    return bool(times) or trial.delivered > before
+    return bool(times) or trial.controls > before
 
 
 # Servers

@@ -65,12 +65,12 @@ def outcome_of_reading(trial: ClientTrial, connection: Connection) -> str:
         trial.wait(trial.fate, REACTION_SECONDS)
         leaves = trial.facts.leaves and trial.fate() == "exits"
         if noticed and (leaves or trial.fate() is None):
-            trial.delivered += 1
+            trial.controls += 1
             return "ignores"
         if trial.fate() is None and not _notices_the_end_after_replies(trial):
             return "ignores"
     if connection.ended and not trial.wait(trial.fate, ENDING_SECONDS):
-        trial.delivered += 1  # it has closed, and lives
+        trial.controls += 1  # it has closed, and lives
     return trial.fate() or ("closes" if connection.ended else "hangs")
 
 
