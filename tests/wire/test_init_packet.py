@@ -21,9 +21,8 @@ from splatbus_wire.semantics import Semantics
 from tests.wire import strategies
 from tests.wire.payloads import refusal, with_value
 
-LEGACY = init_packet_object(
-    InitPacket(64, 48, LegacyBuffers(*(bytes([n]) * 64 for n in (1, 2, 3))))
-)
+LEGACY_PACKET = InitPacket(64, 48, LegacyBuffers(*(bytes([n]) * 64 for n in (1, 2, 3))))
+LEGACY = init_packet_object(LEGACY_PACKET)
 RING, BYTES = host_ring(320, 240, 3)
 HOST_PACKET = InitPacket(
     320, 240, None, "1.1", 1, HostMemory("splatbus-3f9a1c-1", BYTES), RING, Semantics()
@@ -32,7 +31,7 @@ HOST = init_packet_object(HOST_PACKET)
 CUDA_PACKET = InitPacket(
     64,
     48,
-    parse_init_packet(LEGACY).legacy,
+    LEGACY_PACKET.legacy,
     "1.1",
     1,
     CudaMemory("GPU-01234567-89ab-cdef-0123-456789abcdef", b"\x04" * 64, 122_880),
@@ -43,6 +42,11 @@ CUDA = init_packet_object(CUDA_PACKET)
 
 
 NO_VERSIONS = ("1.0", "1.01", "1.1.2", "1.x", "1.", "1.2 ", "1.2\n", "1.٢", "2.0", "2.2", "", 1.2)
+
+
+@pytest.mark.parametrize("packet", [LEGACY_PACKET, HOST_PACKET, CUDA_PACKET])
+def test_each_handle_and_place_comes_back_as_what_it_was(packet):
+    assert parse_init_packet(init_packet_object(packet)) == packet
 
 
 @pytest.mark.parametrize("version", NO_VERSIONS)
