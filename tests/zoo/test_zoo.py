@@ -28,7 +28,9 @@ WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
 
 
 def by_miniatures(side):
-    """Checks of device memory alone: broken miniatures fail them (test_cuda_of_…, test_device_…)."""
+    """Checks of device memory alone: broken miniatures fail them (test_cuda_of_…, test_device_…)
+    instead.
+    """
     of_a_device = {"device", "stand-in"}
     return {f.name for f in checks_of(side) if all(of_a_device & {*n} for n in f.places.values())}
 
