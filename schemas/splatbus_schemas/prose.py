@@ -38,8 +38,8 @@ _REQUIREMENT = re.compile(
     re.MULTILINE,
 )
 _STATUS = re.compile(r"^\*\*Status: (.+)\.\*\*", re.MULTILINE)
-_ANY_ID = re.compile(r"^\*\*\[([^\]]+)\]\*\*", re.MULTILINE)
-_KEYWORD = re.compile(r"\b(?:MUST NOT|MUST|SHOULD NOT|SHOULD|MAY)\b")
+ANY_ID = re.compile(r"^\*\*\[([^\]]+)\]\*\*", re.MULTILINE)
+KEYWORD = re.compile(r"\b(?:MUST NOT|MUST|SHOULD NOT|SHOULD|MAY)\b")
 _EXAMPLE = re.compile(
     r"(?P<shown>```json example=(?P<name>\w+)\n(?P<json>[^\n]+)\n```\n\n)"
     r"(?:```hex example=(?P=name)\n[^`]*\n```|The packet: \[`[^`]*`\]\(.*\)\.)"
@@ -81,7 +81,7 @@ def requirements_in(text: str, source: str) -> Iterator[dict[str, Any]]:
     found = 0
     for match in _REQUIREMENT.finditer(text):
         found += 1
-        keywords = set(_KEYWORD.findall(match["sentence"]))
+        keywords = set(KEYWORD.findall(match["sentence"]))
         if len(keywords) != 1:
             raise ProseError(f"{source}: {match['id']} has the key words {sorted(keywords)}")
         binds = match["binds"].split(", ")
@@ -96,20 +96,9 @@ def requirements_in(text: str, source: str) -> Iterator[dict[str, Any]]:
             **({"why": match["why"]} if match["why"] else {}),
             "chapter": source,
         }
-    ids = _ANY_ID.findall(text)
+    ids = ANY_ID.findall(text)
     if found != len(ids):
         raise ProseError(f"{source}: {len(ids)} ids, but {found} well-formed requirements: {ids}")
-
-
-def stray_keywords(text: str) -> list[str]:
-    """Lines with a key word in capitals outside of a requirement: normative text without an id."""
-    return [
-        line
-        for line in text.splitlines()
-        if _KEYWORD.search(line)
-        and not _ANY_ID.match(line)
-        and not line.startswith(("The key words", "> **[", "A peer conforms", "A SHOULD may"))
-    ]
 
 
 def chapters(version: str, root: Path = CHECKOUT) -> list[Path]:
@@ -228,11 +217,10 @@ def documents(root: Path = CHECKOUT) -> dict[str, str]:
 def wanted_files(root: Path = CHECKOUT) -> dict[Path, str]:
     """Everything that the prose decides, by its place: the chapters themselves filled in."""
     spec, filled = root / "spec", filled_in(root)
-    texts = {p.relative_to(spec).as_posix(): text for p, text in filled.items()}
     registries = {registry_path(v, root): rendered_registry(v, root) for v in OUTCOMES}
     generated = {
         PACKETS: rendered_packets(root),
-        pictures.PLACE: pictures.axes(texts[pictures.TABLE]),
+        pictures.PLACE: pictures.axes(filled[spec / pictures.TABLE]),
         **documents(root),
     }
     del generated[editions.PLACES[""]]  # which only repeats: the site has it

@@ -16,7 +16,7 @@ from splatbus_server.view import Intrinsics, View
 from splatbus_splats.drawing import gpu
 from splatbus_splats.drawing.definition import Image, placed
 from splatbus_splats.drawing.renderer import rendered
-from splatbus_splats.gaussians import Gaussians, halved
+from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import made
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
@@ -69,11 +69,6 @@ def compare(view: View, objects: Mapping[str, Gaussians], within: float = DEPTH)
 )
 def test_made_scenes(count: int, degree: int) -> None:
     compare(view_of(size=SIZE), {"default": made(count, degree)})
-
-
-def test_harmonics_in_halves() -> None:
-    """As `--skips halves` keeps them, whatever draws."""
-    compare(view_of(size=SIZE), {"default": halved(made(50_000))})
 
 
 @pytest.mark.parametrize("turn", [(0, 0, 0, 1), (0, 0.7, 0.1, 0.7), (0.5, 0.5, -0.5, 0.5)])

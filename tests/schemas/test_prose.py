@@ -90,12 +90,6 @@ def test_an_outcome_is_known_from_its_version_on(tmp_path: Path) -> None:
     assert len(prose.collect("1.1", tmp_path)["requirements"]) == 1
 
 
-def test_a_key_word_without_an_id_is_stray() -> None:
-    stray = "A client MAY also wait."
-    assert prose.stray_keywords(f"{ONE}\n{stray}\nMaybe not; it must not MUSTer.\n") == [stray]
-    assert prose.stray_keywords(ONE + "> Why: it MUST.\n") == ["> Why: it MUST."]
-
-
 EXAMPLE = '```json example=hi\n{"a":1}\n```\n\n```hex example=hi\n\n```\n'
 
 
