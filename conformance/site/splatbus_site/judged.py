@@ -16,8 +16,9 @@ COVERAGE = "conformance/COVERAGE.md"
 CHECKS = "conformance/CHECKS.md"
 KILL_MATRIX = "conformance/KILL_MATRIX.md"
 FILTER = '<div class="row-filter" data-what="{}"></div>\n'
+NONE, SIMULATED = "—", "Found by the simulation"
 _MUTANT = re.compile(
-    r"^\| (?P<breaks>[A-Z]{3}-\d+) \| (?P<name>[^|]*) \| (?P<does>[^|]*) \| (?P<check>[^|]*)"
+    r"^\| (?P<breaks>[A-Z]{3}-\d+|—) \| (?P<name>[^|]*) \| (?P<does>[^|]*) \| (?P<check>[^|]*)"
     r" \| (?P<fate>[^|]*) \| (?P<reason>[^|]*) \|$",
     re.MULTILINE,
 )
@@ -111,7 +112,7 @@ def kill_matrix(text: str) -> str:
             rows.setdefault(row["breaks"], []).append(row)
         page = match[1] + FILTER.format("programs")
         for clause, ids in _by_clause(rows).items():
-            page += f"\n### {clause}\n\n"
+            page += f"\n### {SIMULATED if clause == NONE else clause}\n\n"
             page += table(
                 ("breaks", "mutant", "check", "fate"),
                 (_mutant_row(row, row is rows[name][0]) for name in ids for row in rows[name]),
@@ -130,7 +131,7 @@ def killed(kill_matrix: str) -> Mapping[str, int]:
 
 
 def _mutant_row(row: re.Match[str], first: bool) -> tuple[str, ...]:
-    anchor = f'<span id="kills-{row["breaks"]}"></span>' if first else ""
+    anchor = f'<span id="kills-{row["breaks"]}"></span>' if first and row["breaks"] != NONE else ""
     why = f"{row['check']}<br>{row['reason']}"
     return f"{anchor}{row['breaks']}", f"{row['name']}<br>{row['does']}", why, row["fate"]
 
@@ -171,6 +172,6 @@ def _check_row(name: str, same: list[Judged], seen: set[str]) -> tuple[str, ...]
 
 def _by_clause(ids: Iterable[str]) -> dict[str, list[str]]:
     clauses: dict[str, list[str]] = {}
-    for name in sorted(ids, key=lambda name: int(name.partition("-")[2])):
+    for name in sorted(ids, key=lambda name: int(name.partition("-")[2] or 0)):
         clauses.setdefault(name.partition("-")[0], []).append(name)
     return dict(sorted(clauses.items()))

@@ -31,7 +31,7 @@ def test_who_opens_one_image_a_connection_is_shown_nothing_after_it() -> None:
             trial.expect(unseen.opened(trial.calls()), "unseen", "it was not seen")
 
     library()
-    name = "check_opens_nothing_of_broken_packets"
+    name = "check_refuses_broken_init_packets"
     check = next(it for it in checks_of("client") if it.name == name)
     adapter = shlex.join(PROGRAM)
     plan = Plan("client", None, "127.0.0.1", (0, 0), (64, 48), 10.0, adapter=adapter)

@@ -28,7 +28,7 @@ def test_a_good_client_conforms_and_the_reports_are_written(tmp_path: Path) -> N
     verdicts = {entry["id"]: entry["verdict"] for entry in written["requirements"]}
     assert verdicts["NEG-8"] == verdicts["FRM-1"] == "pass"
     assert b"NEG-8" in junit.read_bytes()
-    assert len(list((tmp_path / "sessions").glob("*.jsonl"))) == 3, "introduction, two checks"
+    assert len(list((tmp_path / "sessions").glob("*.jsonl"))) == 2, "introduction, a check"
 
 
 def test_a_client_without_a_limit_on_lengths_does_not_conform(tmp_path: Path) -> None:

@@ -107,12 +107,12 @@ SIZE, CAMERA = {"viewport_size": [64, 48]}, {"position": [0.0, 0.0, 0.0]}
 def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, outcome) -> None:
     dealings = DialledConnection()
     trial = object.__new__(ServerTrial)
-    trial.delivered = 0
+    trial.controls = 0
     trial.facts = ServerFacts()
     trial.viewer = SimpleNamespace(with_=lambda connection: dealings, say=lambda *_: None)
     trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
     assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
-    assert trial.delivered == 1
+    assert trial.controls == 1
 
 
 def test_a_process_that_has_ended_does_not_hang(trial) -> None:

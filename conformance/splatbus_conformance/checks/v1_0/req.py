@@ -73,13 +73,13 @@ MESSAGES: dict[str, Json] = {
     "pose": camera_pose(),
 }
 BAD_CAMERAS: tuple[Json, ...] = (
+    {"position": [0, 0, 1e39], "rotation": [0, 0, 0, 1]},
     {"position": [0, 0, 0]},
     {"rotation": [0, 0, 0, 1]},
     {"position": [0, 0], "rotation": [0, 0, 0, 1]},
     {"position": {"x": 0, "y": 0, "z": 0}, "rotation": {"x": 0, "y": 0, "z": 0, "w": 1}},
     {"position": [0, 0, None], "rotation": [0, 0, 0, 1]},
     {"position": ["0", "0", "0"], "rotation": ["0", "0", "0", "1"]},
-    {"position": [0, 0, 1e39], "rotation": [0, 0, 0, 1]},
     {"position": [0, 0, 0], "rotation": [0, 0, 0, 0]},
     {"position": [0, 0, 0], "rotation": [0.5, 0.5, 0, 0]},
     {"position": [0, 0, 0], "rotation": [0, 0, 0, 1, 0]},

@@ -133,6 +133,7 @@ def check_refused_poses_count_for_nothing(trial: ServerTrial, case: tuple[str, J
             "refused-pose-gave-control", f"{what}, refused, gave control to its connection"
         )
     if early.ended:
+        first.close()
         if goes_on:
             trial.not_observable("the server serves one connection at a time")
         return False  # it was closed for what it sent, as it may be (POS-6)

@@ -49,9 +49,11 @@ def show(trial: ClientTrial, offered: Json) -> Connection:
 def is_shown(trial: ClientTrial, digests: tuple[str, str]) -> bool:
     """Whether the client shows the image of these digests, in what it reads of it."""
     answer = trial.ask("digest")
+    if answer["seq"] is None:
+        return False
     pairs = zip((answer["color"], answer["depth"]), digests, strict=True)
     read = [shown == right for shown, right in pairs if shown is not None]
-    return answer["seq"] is not None and bool(read) and all(read)
+    return bool(read) and all(read)
 
 
 def reads(

@@ -320,19 +320,24 @@ BESIDE_WHO_HAS_CONTROL = (
 
 def judge_the_first(
     trial: ServerTrial, connection: Connection, faults: TwoFaults, where: str
-) -> None:
-    """An error, if one comes, is about the fault that is looked at first."""
-    for told in errors_after(trial, connection, encode(faults.message))[0]:
+) -> bool:
+    """An error, if one comes, is about the fault that is looked at first. Whether the testee has
+    come to the end of the message.
+    """
+    errors, answered = errors_after(trial, connection, encode(faults.message))
+    for told in errors:
         what = f"{faults.what}, {where}, was answered by the error {show(told.get('code'))}"
         trial.expect(told.get("code") in faults.codes, "later-fault", what)
+    return answered
 
 
 @check("NEG-36", on=ON_MSG, cases=Cases(UNGRANTED))
-def check_looks_at_the_capability_before_the_form(trial: ServerTrial, faults: TwoFaults) -> None:
+def check_looks_at_the_capability_before_the_form(trial: ServerTrial, faults: TwoFaults) -> bool:
     """What belongs to no capability that was agreed upon."""
     connection = trial.greeted("msg", capabilities=[])
-    judge_the_first(trial, connection, faults, "on a connection that agreed on nothing")
+    taken = judge_the_first(trial, connection, faults, "on a connection that agreed on nothing")
     connection.close()
+    return taken
 
 
 @check(
@@ -345,9 +350,9 @@ def check_looks_at_the_capability_before_the_form(trial: ServerTrial, faults: Tw
 )
 def check_looks_at_control_last(
     trial: ServerTrial, connection: Connection, faults: TwoFaults
-) -> None:
+) -> bool:
     """A client that has no control, beside one that has."""
-    judge_the_first(trial, connection, faults, "beside a client that has control")
+    return judge_the_first(trial, connection, faults, "beside a client that has control")
 
 
 @check("NEG-36", on=ON_EITHER, cases=Cases(list(LENGTHS.items())))
