@@ -29,7 +29,7 @@ def waits_for_no_event(patch):
     without(patch, "cuStreamWaitEvent")
 
 
-@mutant("BUF-11", check=WAITS, code="not-waited")
+@mutant("BUF-11", check=WAITS, code="read-before-event")
 def waits_for_each_event_once(patch):
     """Waits for an event before it reads the first image, and before no other."""
     waited = set()

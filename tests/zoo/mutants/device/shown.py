@@ -151,7 +151,10 @@ def shows_memory_whose_connection_has_ended(patch):
     def newest(self):
         if self.kept is None or self.session.status.ipc.connected:
             return self.kept
-        return self.kept._replace(color=color_of(held[0]))
+        try:
+            return self.kept._replace(color=color_of(held[0]))
+        except ValueError:  # memory of the host is not mapped any more
+            return self.kept
 
     def keep(self, image):
         self.kept = image
