@@ -132,11 +132,16 @@ def check_refused_poses_count_for_nothing(trial: ServerTrial, case: tuple[str, J
         trial.violated(
             "refused-pose-gave-control", f"{what}, refused, gave control to its connection"
         )
-    if early.ended:
-        first.close()
-        if goes_on:
-            trial.not_observable("the server serves one connection at a time")
-        return False  # it was closed for what it sent, as it may be (POS-6)
+    if early.ended and goes_on:
+        trial.not_observable("the server serves one connection at a time")
+    stays = not early.ended  # else it was closed for what it sent, as it may be (POS-6)
+    if stays:
+        _judge_beside_control(trial, early, what, refused)
+    first.close()
+    return stays
+
+
+def _judge_beside_control(trial: ServerTrial, early: Connection, what: str, refused: Json) -> None:
     trial.viewer.say(early, refused)
     answers(trial, early)
     trial.expect(not busy(trial, early), "wrongly-busy", f"{what}, refused, was answered busy too")
@@ -144,8 +149,6 @@ def check_refused_poses_count_for_nothing(trial: ServerTrial, case: tuple[str, J
     answers(trial, early)
     told = f"after {what}, a good pose beside a client in control: no busy"
     trial.expect(busy(trial, early), "not-told-busy", told)
-    first.close()
-    return True
 
 
 def refused_poses(trial: ServerTrial) -> dict[str, Json]:
