@@ -7,7 +7,6 @@ import pkgutil
 import re
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from splatbus_conformance import rules
@@ -62,7 +61,7 @@ def families(package):
 
 def test_each_module_of_specimens_has_its_home():
     """Else nobody would judge what it declares."""
-    folders = [Path(zoo.__file__).parent / name for name in ("mutants", "variations")]
+    folders = [ROOT / "tests" / "zoo" / name for name in ("mutants", "variations")]
     paths = [path for folder in folders for path in folder.rglob("*.py")]
     declare = re.compile(r"^@(?:mutant|variation|together)\b", re.M)
     found = {str(path.relative_to(ROOT)) for path in paths if declare.search(path.read_text())}
