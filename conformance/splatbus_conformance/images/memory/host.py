@@ -7,13 +7,12 @@ import os
 import secrets
 import sys
 from multiprocessing import resource_tracker, shared_memory
-from pathlib import Path
 from typing import Self
 
 from splatbus_conformance import guard
 from splatbus_conformance.guard import Kind, uninterrupted
+from splatbus_conformance.images.memory.reading import LINUX_FOLDER
 
-LINUX_FOLDER = Path("/dev/shm")
 PREFIX = "splatbus-check-"
 
 

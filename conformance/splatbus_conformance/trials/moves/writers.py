@@ -78,9 +78,3 @@ def spellings(trial: ClientTrial, quick: int, full: int) -> Iterator[Spelling]:
     """Drawn spellings, one after the other."""
     drawn = st.tuples(SEEDS, MOST_OFTEN_ALL)
     return trial.each(drawn=drawn, quick=quick, full=full, simpler=with_less)
-
-
-def in_strings(pose: Json) -> Json:
-    """A pose with every number as a string."""
-    parts = ("position", "rotation")
-    return pose | {part: {n: repr(v) for n, v in pose[part].items()} for part in parts}

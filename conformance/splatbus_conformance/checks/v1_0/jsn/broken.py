@@ -14,7 +14,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
     breaches_of_1_0,
     breaches_of_1_1,
 )
-from splatbus_conformance.cases.malformed.poses import broken_poses
+from splatbus_conformance.cases.malformed.poses import broken_poses, in_strings
 from splatbus_conformance.cases.malformed.replies import BAD_REPLIES, BAD_TELEMETRY
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
 from splatbus_conformance.checks import (
@@ -48,7 +48,6 @@ from splatbus_conformance.trials.moves.exchanges.unheard import (
     outcome_at_the_end,
     silent_connection,
 )
-from splatbus_conformance.trials.moves.writers import in_strings
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import ENDING_SECONDS, SETTLE_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
