@@ -76,7 +76,7 @@ BROKEN = {
         '            place = {n: float(v) for n, v in message["position"].items()}\n'
         "            self.poses[kind] = self.poses[kind] | {'position': place}\n"
         "        timed = is_number",
-        "check_takes_strings_for_numbers_or_not_in_device_memory",
+        "check_takes_strings_for_numbers_or_not",
         "applied it",
     ),
 }

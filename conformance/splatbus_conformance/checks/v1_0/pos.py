@@ -366,10 +366,8 @@ def check_takes_poses_of_no_time_or_not(
     trial.judge(outcome, f"a pose with the timestamp {show(moment)}")
 
 
-@check("JSN-11", on={SERVER_DEVICE: STEERED[SERVER_DEVICE]}, given=steering, may_crash=True)
-def check_takes_strings_for_numbers_or_not_in_device_memory(
-    trial: ServerTrial, _: Place, it: Steering
-) -> None:
+@check("JSN-11", on=STEERED, given=steering, may_crash=True)
+def check_takes_strings_for_numbers_or_not(trial: ServerTrial, _: Place, it: Steering) -> None:
     """A pose of a 1.0 client, with every number as a string: taken whole, or not at all."""
     it.put(it.left)
     outcome = it.outcome_of(encode(in_strings(camera_pose(*it.askew))), it.askew)

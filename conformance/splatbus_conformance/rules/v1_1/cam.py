@@ -91,7 +91,7 @@ def tags_come_back(conversation: Conversation) -> Iterator[Sighting]:
 def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
     """CAM-3: no tag comes on a connection more often than poses before it had that tag.
 
-    A tag that no recorded pose had may be that of a client whose messages are not recorded.
+    A tag that no recorded pose had, or none before, may be that of a pose that is not recorded.
     """
     if conversation.channel != "ipc":
         return
@@ -105,8 +105,9 @@ def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
     for message in conversation.of("frame") if sent else ():
         tag = _camera(message).get("tag")
         if isinstance(tag, str) and tag in sent:
+            if not (times := sum(t < message.packet.ended for t in sent[tag])):
+                continue
             came[tag] += 1
-            times = sum(t < message.packet.ended for t in sent[tag])
             text = f"tag {show(tag)} comes {came[tag]} times, {times} poses before it had it"
             wrong = Breach("too-often", text) if came[tag] > times else None
             yield about(conversation, message, "CAM-3", wrong, "/camera/tag")

@@ -14,7 +14,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
     breaches_of_1_0,
     breaches_of_1_1,
 )
-from splatbus_conformance.cases.malformed.poses import broken_poses, in_strings
+from splatbus_conformance.cases.malformed.poses import broken_poses
 from splatbus_conformance.cases.malformed.replies import BAD_REPLIES, BAD_TELEMETRY
 from splatbus_conformance.cases.malformed.text import BrokenText, broken_texts
 from splatbus_conformance.checks import (
@@ -66,7 +66,6 @@ REQUESTS: tuple[Json, ...] = (
 )
 FAR: Json = camera_pose((30.5, -20.25, 10.125), (0.5, -0.5, 0.5, 0.5))
 """A good pose that no check asks for otherwise."""
-NEAR: Json = camera_pose((-1.0153546333312988, 0.0, 2.5e-7), (0, 0.6, 0, 0.8))
 SPARE = 12
 """Broken texts that the quick profile delivers beside one of each kind, where each takes long."""
 Row = Sequence[BrokenText]
@@ -151,17 +150,6 @@ def check_does_not_move_by_broken_text(
     """Poses whose text breaks JSN-1 to JSN-5: afterwards the camera is where it was."""
     outcome = control.outcome_of(in_use(trial), text.payload)
     trial.judge("ignores" if outcome == "keeps" else outcome, f"a pose with {named([text])}")
-
-
-@check("JSN-11", on={SERVER: ("frames",)}, given=steering, cases=Cases((FAR, NEAR)), may_crash=True)
-def check_takes_strings_for_numbers_or_not(
-    trial: ServerTrial, control: CameraControl, pose: Json
-) -> None:
-    """A pose of a 1.0 client, with every number as a string: a frame shows all of it, or none."""
-    outcome = control.outcome_of(in_use(trial), encode(in_strings(pose)))
-    if outcome == "applies" and control.shows_now(pose):
-        outcome = "accepts"
-    trial.judge(outcome, "a pose whose numbers are strings")
 
 
 # What follows it is handled
