@@ -1,7 +1,8 @@
 """Run all that must pass: linters, types, import rules, the specification, the tests, the zoo.
 
 `python -m tests` runs every step, `python -m tests lint types` those that are named;
-`python -m tests zoo --only NAME` some of the zoo, `python -m tests long` what takes hours.
+`python -m tests zoo --only NAME` some of the zoo, `python -m tests renew` writes what is made of
+something else, `python -m tests long` does what takes hours.
 """
 
 import os
@@ -98,21 +99,25 @@ class Running:
 
 def main(wanted: list[str]) -> int:
     """Run the steps named, or all: those of both kinds beside each other, until one fails."""
-    if wanted[:1] == ["long"] or (wanted[:1] == ["zoo"] and any(it[:1] == "-" for it in wanted)):
+    zoo_in_part = wanted[:1] == ["zoo"] and any(it[:1] == "-" for it in wanted)
+    if wanted[:1] in (["long"], ["renew"]) or zoo_in_part:
         return subprocess.run((*PYTHON, f"tests.{wanted[0]}", *wanted[1:]), cwd=ROOT).returncode
     if unknown := set(wanted) - set(STEPS):
         print(f"no such step: {', '.join(sorted(unknown))}; there are {', '.join(STEPS)}")
         return 2
     with tempfile.TemporaryDirectory(prefix="splatbus-steps-") as folder:
         lanes = [[name for name in lane if name in (wanted or STEPS)] for lane in (READ, RUN)]
-        status = run(lanes, Path(folder))
+        status = run(lanes, Path(folder), renews=not wanted)
     if not wanted and not status:
         subprocess.run((*PYTHON, "tests.long", "--behind"), cwd=ROOT)
     return status
 
 
-def run(lanes: list[list[str]], folder: Path) -> int:
-    """Run the steps of each lane one after the other; the status of the first that fails, or 0."""
+def run(lanes: list[list[str]], folder: Path, *, renews: bool) -> int:
+    """Run the steps of each lane one after the other; the status of the first that fails, or 0.
+
+    How long each took is stored if it `renews`: of some steps alone it says nothing.
+    """
     from tests.durations import Durations  # which takes what may not be installed
 
     durations = Durations("steps")
@@ -155,7 +160,7 @@ def run(lanes: list[list[str]], folder: Path) -> int:
     finally:
         end(*running)
     print("== step     minutes  processor", *table, sep="\n   ", flush=True)
-    if not status:
+    if renews and not status:
         durations.save()
     return status
 

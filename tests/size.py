@@ -1,7 +1,8 @@
 """`python -m tests.size`: how large each part is, in tokens of Python, and how large it may be.
 
 Tokens are `tokenize`'s, but for comments, line ends and indentation: ideas are counted, not how
-they are laid out. Whoever lands less lowers the ceiling to what is left, and none is raised.
+they are laid out. Whoever lands less lowers the ceiling to what is left. None is raised, but for
+what a new sentence of the standard brings.
 """
 
 import subprocess
@@ -9,6 +10,8 @@ import sys
 import tokenize
 from collections import Counter
 from pathlib import Path
+
+from splatbus_schemas.requirements import requirements
 
 ROOT = Path(__file__).resolve().parents[1]
 CEILINGS = {
@@ -19,6 +22,9 @@ CEILINGS = {
     "reference_client": 55_700,
     "benchmarks": 32_700,
 }
+SENTENCES = 283
+"""Of the standard, when these were the ceilings."""
+PER_SENTENCE = {"conformance": 200, "tests": 150, "reference_server": 50, "reference_client": 50}
 LAYOUT = frozenset(
     {
         *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
@@ -48,8 +54,10 @@ def tokens(path: Path) -> int:
 def main() -> int:
     """Print the table; 1 if something is larger than it may be."""
     found = sizes()
-    rows = [(part, found[part], most) for part, most in CEILINGS.items()]
-    rows.append(("all", found.total(), sum(CEILINGS.values())))
+    new = len(requirements("1.1")) - SENTENCES
+    most_of = {part: most + new * PER_SENTENCE.get(part, 50) for part, most in CEILINGS.items()}
+    rows = [(part, found[part], most) for part, most in most_of.items()]
+    rows.append(("all", found.total(), sum(most_of.values())))
     for part, size, most in rows:
         over = f"  {size - most:,} too many" if size > most else ""
         print(f"{part:<18}{size:>11,} of {most:>11,}{over}")

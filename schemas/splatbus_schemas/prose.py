@@ -15,10 +15,12 @@ import json
 import re
 import sys
 from collections.abc import Iterator
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from splatbus_schemas import editions, pictures
+from splatbus_schemas.data import read_json
 from splatbus_schemas.model.bundle import bundle
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -45,6 +47,9 @@ _EXAMPLE = re.compile(
     r"(?:```hex example=(?P=name)\n[^`]*\n```|The packet: \[`[^`]*`\]\(.*\)\.)"
 )
 PACKETS = "vectors/packets.json"
+_LIMITS = re.compile(
+    r"^(\| limit \| value \| requirement \|\n\|---\|---\|---\|\n)(?:\|.*\n)+", re.MULTILINE
+)
 LONGEST_DUMP = 5
 """Lines of hexadecimal text that the prose shows; what is longer is in the vectors alone."""
 
@@ -200,10 +205,26 @@ def registry_path(version: str, root: Path = CHECKOUT) -> Path:
 
 
 def filled_in(root: Path = CHECKOUT) -> dict[Path, str]:
-    """The chapters of all versions, with the packets of their examples, by their places."""
-    return {
+    """The chapters of all versions, with the packets of their examples and the limits that are new
+    in them, by their places.
+    """
+    filled = {
         p: fill_in_packets(p.read_text("utf-8"), v) for v in OUTCOMES for p in chapters(v, root)
     }
+    for path in chapters("1.1", root):  # 1.0 is final, to the letter
+        filled[path] = fill_in_limits(filled[path], "1.1")
+    return filled
+
+
+def fill_in_limits(text: str, version: str) -> str:
+    """A chapter whose table of limits has those that are new in its version."""
+    rows = [
+        (f"`{name}`", f"{Decimal(str(it['value'])).normalize():f}", ", ".join(it["requirements"]))
+        for name, it in read_json("limits.json")["limits"].items()
+        if it["since"] == version
+    ]
+    table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return _LIMITS.sub(lambda head: head[1] + table, text)
 
 
 def documents(root: Path = CHECKOUT) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """`python -m tests zoo`: the harness is judged, by programs that conform and programs that do not.
 
 The reference pair and its variations must pass, and each mutant must fail for what it breaks. A
-whole run renews how long what took, and the kill matrix if all is as it must be.
+whole run renews how long what took.
 """
 
 import argparse
@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
+from splatbus_schemas.requirements import requirements
 from splatbus_server.shared_memory import sweep_stale
 
-from tests.durations import HARNESS, ROOT, Durations
+from tests.durations import HARNESS, Durations
 from tests.progress import Progress
 from tests.zoo import kill_matrix
 from tests.zoo.faults.surgery import RUN
@@ -22,13 +23,17 @@ from tests.zoo.mutant import SIDES
 from tests.zoo.registry import groups
 from tests.zoo.schedule import judge_all, unknown, usual
 
-PAGE = ROOT / "conformance" / "KILL_MATRIX.md"
-
 
 def main() -> int:
     """1 unless all is as it must be, 2 if somebody is wanted whom there is not."""
     parser = argparse.ArgumentParser(prog="python -m tests zoo", description=(__doc__ or ""))
     parser.add_argument("--only", metavar="NAME,…", default="", help="only these specimens")
+    parser.add_argument(
+        "--requirement",
+        metavar="ID",
+        default="",
+        help="only mutants that break it; and all that conforms, by its checks alone",
+    )
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the kill matrix")
     parser.add_argument(
         "--profile",
@@ -37,29 +42,33 @@ def main() -> int:
         help="for variations: all checks, with fewer cases or with all (%(default)s)",
     )
     options = parser.parse_args()
+    if options.requirement not in ("", *requirements("1.1")):
+        print(f"--requirement {options.requirement}: there is no such requirement")
+        return EXIT_USAGE
     wanted = [name for name in options.only.split(",") if name]
     if why := unknown(wanted):
         print(why)
         return EXIT_USAGE
     durations = Durations("specimens")
     together = {name: group.name for group in groups() for name in group.members}
-    everybody, lacking = usual()
+    everybody, lacking = usual(options.requirement)
     names = wanted or everybody
     if new := durations.unknown(names):
         print(f"{len(new)} specimens come first, for nobody has measured them", flush=True)
     progress = Progress("zoo", durations.expected(names))
+    in_part = bool(wanted or options.requirement)
 
     def tell(row: SpecimenResult) -> None:
         progress.done(row.name)
         now = progress.now([])
-        if wanted or row.fate not in GOOD:
+        if in_part or row.fate not in GOOD:
             print(f"{row.fate:<19}  {row.name}  {row.seconds:.1f} s", flush=True)
         elif now:
             print(now, flush=True)
 
     os.environ[RUN] = str(os.getpid())
     try:
-        rows = judge_all(names, options.profile, tell)
+        rows = judge_all(names, options.profile, options.requirement, tell)
     finally:
         sweep_stale(f"splatbus-{os.getpid()}-")  # of mutants that free nothing
     status = told(rows)
@@ -67,10 +76,8 @@ def main() -> int:
         print(f"nothing was tried in memory of a GPU: {lacking}")
     if options.json:
         kill_matrix.save(rows, options.json)
-    if not wanted:
+    if not in_part:
         renew(rows, together, durations)
-        if status == EXIT_CONFORMING and not lacking:
-            PAGE.write_text(kill_matrix.markdown(rows), "utf-8")
     return status
 
 

@@ -18,7 +18,7 @@ from tests.zoo import mutants
 from tests.zoo.faults.patching import Patch
 from tests.zoo.homes import Judge
 from tests.zoo.machine.specimens import MachineMade
-from tests.zoo.mutant import RULE, Kind, Specimen
+from tests.zoo.mutant import RULE, TRAFFIC, Kind, Specimen
 from tests.zoo.processes import harnesses
 from tests.zoo.registry import REFERENCES, specimen_named
 
@@ -112,10 +112,13 @@ class SpecimenResult:
         return {**told, "seconds": round(self.seconds, 1)}
 
 
-def judge(specimen: Specimen, profile: str = "brief") -> SpecimenResult:
-    """What becomes of it: of variations by this profile."""
+def judge(specimen: Specimen, profile: str = "brief", requirement: str = "") -> SpecimenResult:
+    """What becomes of it: of variations by this profile; of what conforms by the checks of a
+    requirement alone, if one is given.
+    """
     began = time.monotonic()
-    by = judge_mutant if specimen.kind is Kind.MUTANT else partial(judge_conforming, profile)
+    conforming = partial(judge_conforming, profile, requirement)
+    by = judge_mutant if specimen.kind is Kind.MUTANT else conforming
     return replace(by(specimen), seconds=time.monotonic() - began)
 
 
@@ -171,23 +174,27 @@ def fate_of(mutant: Specimen, cells: list[Cell]) -> Fate:
     return Fate.MISTAKEN if against else Fate.SURVIVED
 
 
-def judge_conforming(profile: str, it: Specimen) -> SpecimenResult:
-    """Run every check on what has to pass."""
+def judge_conforming(profile: str, requirement: str, it: Specimen) -> SpecimenResult:
+    """Run every check on what has to pass, or those of a requirement."""
     reference = it.kind is Kind.REFERENCE
     if reference:
         profile = "brief" if it.name in TOLD else "quick"
-    select, more = SELECTED.get(it.home.judge, ""), OPTIONS.get(it.home.judge, ())
+    select = SELECTED.get(it.home.judge, "")
+    if requirement:
+        select = f"{requirement},{TRAFFIC[it.side]}"
+    must_warn = {name for name in it.warns if not requirement or name in select.split(",")}
+    more = OPTIONS.get(it.home.judge, ())
     report, status, last_words = run_harness(it, select, more=("--profile", profile, *more))
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
     if report is None:
         fate, note = Fate.NO_VERDICT, last_words
-    elif status == EXIT_CONFORMING and warned == it.warns:
+    elif status == EXIT_CONFORMING and warned == must_warn:
         fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
-    elif warned >= it.warns:
+    elif warned >= must_warn:
         fate, note = Fate.CONDEMNED, ""
     else:
-        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(it.warns - warned))}"
+        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(must_warn - warned))}"
     seconds = {
         result["check"]: result["seconds"]
         for requirement in (report or {}).get("requirements", [])

@@ -8,6 +8,7 @@ from functools import partial
 
 from splatbus_conformance.images.memory.cuda_stand_in.building import NotAvailable, library_folder
 from splatbus_conformance.selection import did_you_mean
+from splatbus_schemas.requirements import requirements
 
 from tests.durations import Durations
 from tests.spare import LOOK_SECONDS, Spare
@@ -15,7 +16,7 @@ from tests.zoo.homes import Judge
 from tests.zoo.judge import GOOD, SpecimenResult, judge
 from tests.zoo.mutant import Kind, Specimen
 from tests.zoo.processes import harnesses
-from tests.zoo.registry import HAS_CUDA, groups, specimens
+from tests.zoo.registry import HAS_CUDA, groups, mutants, specimens
 
 CORES = os.cpu_count() or 1
 WHOLE, SELECTED, MORE = 7 * CORES, 4 * CORES, 8 * CORES
@@ -41,8 +42,9 @@ def unknown(wanted: Sequence[str]) -> str:
     return f"{told}conformance/KILL_MATRIX.md names all {len(known)}"
 
 
-def usual() -> tuple[list[str], str]:
+def usual(requirement: str = "") -> tuple[list[str], str]:
     """Whom a run judges that wants nobody in particular: liberties of a group are taken at once.
+    Of mutants those alone that break a requirement, if one is given.
 
     And why nobody is among them whose images are in memory of a GPU, if nobody is.
     """
@@ -53,12 +55,20 @@ def usual() -> tuple[list[str], str]:
     except NotAvailable as error:
         why = str(error)
         left |= {it.name for it in specimens() if it.home.judge is Judge.WITH_CUDA}
+    if requirement:
+        bound = requirements("1.1")[requirement].binds
+        left |= {it.name for it in specimens() if it.side not in bound}
+        left |= {it.name for it in mutants() if it.requirement != requirement}
     return [name for name in named() if name not in left], why
 
 
-def judge_all(wanted: Sequence[str], profile: str, tell: Tell) -> list[SpecimenResult]:
-    """Judge these, variations by this profile, and tell of each."""
-    known, judging = named(), partial(judge, profile=profile)
+def judge_all(
+    wanted: Sequence[str], profile: str, requirement: str, tell: Tell
+) -> list[SpecimenResult]:
+    """Judge these, variations by this profile, by all checks if no requirement is given; and tell
+    of each.
+    """
+    known, judging = named(), partial(judge, profile=profile, requirement=requirement)
     harnesses.PRELOADED.append("tests.zoo.preload")
     rows = {row.name: row for row in run([known[name] for name in wanted], judging, tell)}
     for group in groups():
