@@ -17,6 +17,7 @@ class FakeCuda:
     def __init__(self, devices: int = 1, shared: dict[bytes, Any] | None = None) -> None:
         self.devices = devices
         self.shared = {} if shared is None else shared
+        self.contexts: list[int] = []
         self.memory: dict[int, Any] = {}
         self.opened: dict[int, bytes] = {}
         self.events: dict[int, Any] = {}
@@ -26,7 +27,7 @@ class FakeCuda:
         self._numbers = itertools.count(1)
 
     def __getattr__(self, name: str) -> Any:
-        """Calls that change nothing here: of contexts, mostly."""
+        """Calls that change nothing here."""
         return lambda *given: 0
 
     def neighbour(self) -> "FakeCuda":
@@ -51,7 +52,17 @@ class FakeCuda:
         context._obj.value = 100 + device
         return 0
 
+    def cuCtxPushCurrent_v2(self, context):  # noqa: N802
+        self.contexts.append(context)
+        return 0
+
+    def cuCtxPopCurrent_v2(self, context):  # noqa: N802
+        context._obj.value = self.contexts.pop()
+        return 0
+
     def cuMemAlloc_v2(self, pointer, size):  # noqa: N802
+        if not self.contexts:
+            return 201
         at = pointer._obj.value = next(self._numbers) << 32
         self.memory[at] = bytearray(size)
         return 0

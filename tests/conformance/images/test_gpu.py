@@ -98,7 +98,7 @@ def test_nothing_is_freed_while_work_is_pending(device, cuda):
     device.close()
     device.close()
     assert not cuda.freed_while_pending
-    assert [cuda.memory, cuda.events, cuda.streams, cuda.hosts] == [{}] * 4
+    assert [cuda.memory, cuda.events, cuda.streams, cuda.hosts, cuda.contexts] == [{}] * 4 + [[]]
 
 
 def test_devices_are_known_by_their_uuid():
