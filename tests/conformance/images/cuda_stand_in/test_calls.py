@@ -20,6 +20,7 @@ from splatbus_conformance.images.memory.cuda_stand_in.trace import Call, parse
 from splatbus_conformance.images.memory.cuda_stand_in.usage import (
     closed_while_reading,
     held,
+    opened_again,
     under_way,
     unwaited,
 )
@@ -116,6 +117,11 @@ def test_a_copy_after_a_wait_is_in_order(calls: list[Call]) -> None:
 )
 def test_a_copy_without_a_wait_is_found(calls: list[Call]) -> None:
     assert list(unwaited([*OPENED, *calls])) == calls[-1:]
+
+
+def test_memory_that_was_opened_twice_is_found() -> None:
+    again = call("IpcOpenMemHandle", memory="m", opened=2)
+    assert list(opened_again([*OPENED, again])) == [again]
 
 
 def test_what_is_held_is_what_was_not_given_back() -> None:
