@@ -12,12 +12,12 @@ from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.wire.recording import load
 
 from tests.conformance.images.cuda_stand_in.library import checks_in, findings_of, library
+from tests.zoo import mutants
 
 HERE = Path(__file__).parent
-MINIATURE = HERE.parent / "conformance" / "miniatures" / "cuda_server.py"
 CASES: dict[Side, tuple[list[str], dict[str, object]]] = {
     "client": (["-m", "splatbus_viewer.cli", "view"], checks_in(device)),
-    "server": ([str(MINIATURE)], checks_in(served)),
+    "server": (["-m", mutants.__name__, "server-lends-from-a-device"], checks_in(served)),
 }
 
 

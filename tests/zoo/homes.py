@@ -104,6 +104,10 @@ HOMES = {
             "mutants.device.shown",
             "variations.client_cuda",
         ),
+        Home("server", Judge.WITH_CUDA): (
+            "mutants.device.servers",
+            "variations.server_device",
+        ),
         Home("client", Judge.SIMULATION): ("mutants.simulated.clients",),
         Home("server", Judge.SIMULATION): ("mutants.simulated.servers",),
     }.items()

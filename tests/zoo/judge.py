@@ -29,7 +29,7 @@ SILENT_SECONDS = 400.0
 SESSIONS = 400
 """Of the simulation, which finds most in the first."""
 OPTIONS = {Judge.WITH_CUDA: ("--stand-in-cuda",)}
-SELECTED = {Judge.WITH_CUDA: "L3"}
+SELECTED = {Judge.WITH_CUDA: "L3,POS"}
 """Of the checks of what conforms; all where nothing is said."""
 PROGRAMS: dict[Side, str] = {"client": "splatbus_viewer", "server": "splatbus_renderer"}
 """The references that a person starts."""

@@ -11,7 +11,7 @@ from splatbus_conformance.plan import Side
 
 from tests.zoo.faults.patching import Patch
 from tests.zoo.faults.seam import Seam
-from tests.zoo.homes import HOMES, Home
+from tests.zoo.homes import HOMES, Home, Judge
 
 Alter = Callable[[Patch], None]
 A = TypeVar("A", bound=Callable[..., Any])
@@ -19,6 +19,8 @@ A = TypeVar("A", bound=Callable[..., Any])
 SIDES: tuple[Side, Side] = ("client", "server")
 SERVERS = "server-"
 """With what the name of a server's begins whose alteration is a client's, too."""
+IN_DEVICE_MEMORY = "-in-device-memory"
+"""With what the name of a server's ends whose images of 1.0 lie there, and which lends none."""
 RULE = "rule"
 """The name under which a report lists what passive rules found."""
 TRAFFIC: dict[Side, str] = {"client": "CHN-10", "server": "FRM-4"}
@@ -75,6 +77,7 @@ def mutant(
     through: str = "",
     axes: str = "",
     both: bool = False,
+    in_device_memory: bool = False,
     at: Seam | None = None,
 ) -> Callable[[A], A]:
     """Declare a function to be the alteration of a mutant, or the step that it has in place of that
@@ -88,19 +91,25 @@ def mutant(
             session if not given.
         axes: for what only an adapter shows, the engine whose client it plays.
         both: what is altered is what client and server share, and both are tried.
+        in_device_memory: a server is tried a second time, which stores its images there.
         at: the seam; the function is given the original step first, then its arguments.
     """
 
     def declare(function: A) -> A:
         name, does, alter, home = _read(function, at)
-        tried = {name: home} | ({f"{SERVERS}{name}": Home("server")} if both else {})
+        tried = {name: (alter, home)}
+        if both:
+            tried[f"{SERVERS}{name}"] = alter, Home("server")
+        if in_device_memory:
+            there = Home("server", Judge.WITH_CUDA)
+            tried[f"{name}{IN_DEVICE_MEMORY}"] = _made_at(there, alter, lends=False), there
         function.specimens = tuple(  # type: ignore[attr-defined]
             Specimen(
-                *(each, does, alter, Kind.MUTANT, where, axes or where.axes),
+                *(each, does, made, Kind.MUTANT, where, axes or where.axes),
                 *(requirement, check, code),
                 requirement if check != RULE else through or TRAFFIC[where.side],
             )
-            for each, where in tried.items()
+            for each, (made, where) in tried.items()
         )
         return function
 
@@ -157,4 +166,20 @@ def _read(function: Callable[..., Any], at: Seam | None) -> tuple[str, str, Alte
         else:
             at.wrap(patch, function)
 
-    return name.replace("_", "-"), " ".join(does.split()), alter, HOMES[function.__module__]
+    home = HOMES[function.__module__]
+    return name.replace("_", "-"), " ".join(does.split()), _made_at(home, alter), home
+
+
+def _made_at(home: Home, alter: Alter, *, lends: bool = True) -> Alter:
+    """How that is altered which has this home: of a server, with its images there."""
+    if home != Home("server", Judge.WITH_CUDA):
+        return alter
+
+    @functools.wraps(alter)
+    def moved(patch: Patch) -> None:
+        from tests.zoo.faults import device  # only here: it takes cuda-bindings
+
+        device.keeps_images_there(patch, lends=lends)
+        alter(patch)
+
+    return moved

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from tests.zoo.homes import HOMES, Home, Judge
 from tests.zoo.machine.specimens import MachineMade, machine_made
-from tests.zoo.mutant import SERVERS, SIDES, Kind, Specimen
+from tests.zoo.mutant import IN_DEVICE_MEMORY, SERVERS, SIDES, Kind, Specimen
 
 HAS_CUDA = find_spec("cuda") is not None
-"""Without cuda-bindings there is no client whose images are in memory of a GPU."""
+"""Without cuda-bindings nobody has images in memory of a GPU."""
 ROOT = Path(__file__).parents[2]
 REFERENCES = tuple(
     Specimen(name, does, lambda patch: None, Kind.REFERENCE, home, home.axes)
@@ -35,6 +35,7 @@ def specimens() -> tuple[Specimen, ...]:
         for module, home in HOMES.items()
         if home.judge is not Judge.WITH_CUDA or HAS_CUDA
         for it in _declared(module)
+        if it.home.judge is not Judge.WITH_CUDA or HAS_CUDA
     ]
     variations = [it for it in declared if it.kind is Kind.VARIATION]
     mutants = [it for it in declared if it.kind is Kind.MUTANT]
@@ -62,7 +63,8 @@ def specimen_named(name: str) -> Specimen | MachineMade | None:
     """One that is declared, or made by machine; only the module that declares it is imported."""
     if made := machine_made(name):
         return made
-    spelled = [f"\ndef {it.replace('-', '_')}(" for it in {name, name.removeprefix(SERVERS)}]
+    names = {name, name.removeprefix(SERVERS), name.removesuffix(IN_DEVICE_MEMORY)}
+    spelled = [f"\ndef {it.replace('-', '_')}(" for it in names]
     for module in HOMES:
         text = Path(ROOT, *module.split(".")).with_suffix(".py").read_text("utf-8")
         found = _declared(module) if any(it in text for it in spelled) else ()

@@ -33,15 +33,8 @@ EVERY = {mutant.name: mutant for mutant in mutants()}
 MUTANTS = {name: it for name, it in EVERY.items() if it.home.judge is not Judge.SIMULATION}
 VARIATIONS = {variation.name: variation for variation in variations()}
 JUDGES = {side: judges(side) for side in SIDES}
-WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": {"JSN-11"}}
+WITHOUT_A_MUTANT = {"client": {"INI-12"}, "server": set()}
 """Permissions cannot be broken."""
-
-
-def by_miniatures(side):
-    """Checks of servers in device memory alone: broken miniatures fail them (test_cuda_of_…)."""
-    shown = {"device", "stand-in"}
-    alone = [it for it in checks_of(side) if all(shown & {*each} for each in it.places.values())]
-    return {it.name for it in alone} if side == "server" else set()
 
 
 def judged_by(mutant: Specimen) -> set[str]:
@@ -148,16 +141,13 @@ def test_every_family_of_rules_has_a_mutant():
 @pytest.mark.parametrize("side", SIDES)
 def test_every_requirement_that_is_judged_has_a_mutant(side):
     broken = {m.requirement for m in MUTANTS.values() if m.side == side}
-    elsewhere = by_miniatures(side)
-    here = {id for id, found in JUDGES[side].items() if {j.name for j in found} - elsewhere}
-    assert broken == here - WITHOUT_A_MUTANT[side]
+    assert broken == {*JUDGES[side]} - WITHOUT_A_MUTANT[side]
 
 
 @pytest.mark.parametrize("side", SIDES)
 def test_every_check_has_a_mutant(side):
     here = {(m.requirement, m.check) for m in MUTANTS.values() if m.side == side}
-    elsewhere = by_miniatures(side)
-    there = {(it.requirement, it.name) for it in checks_of(side) if it.name not in elsewhere}
+    there = {(it.requirement, it.name) for it in checks_of(side)}
     assert {name for name, _ in there - here} <= WITHOUT_A_MUTANT[side]
 
 

@@ -14,22 +14,19 @@ from splatbus_conformance.checks.stateful import (
     SessionBreach,
     SessionOver,
     Step,
-    in_words,
 )
 from splatbus_conformance.checks.stateful.explore import (
     MOST_CUT_SHORT,
     Amount,
     go_through,
 )
-from splatbus_conformance.checks.stateful.scripted_clients import VIEWPORT, Asker, Reader
-from splatbus_conformance.plan import Plan, Side
+from splatbus_conformance.plan import Plan
 from splatbus_conformance.run.replay import replay, worked_out
 from splatbus_conformance.run.testbed import Testbed, set_up
 from splatbus_conformance.trials.trial import NotObservable, Stand, Trial, Violation
 from splatbus_schemas.requirements import requirements
 
 from tests.zoo import mutants
-from tests.zoo.judge import PROGRAMS, USUAL
 
 JUDGED = "CHN-19"
 MANY = Amount(200, 12)
@@ -204,85 +201,23 @@ def test_where_every_session_is_cut_short_nothing_is_said() -> None:
     assert begun == MOST_CUT_SHORT
 
 
-# What is known of the clients in a session with a server
-
-
-def asker(*asked: int) -> Asker:
-    connection: Any = None
-    return Asker(0, connection, list(asked))
-
-
-CAMERA = {"position": [1, 2, 3], "rotation": [0, 0, 0, 1]}
-OTHER = {"position": [3, 2, 1], "rotation": [0, 0, 0, 1]}
-SIZE = {"viewport_size": [64, 48]}
-
-
-def test_replies_are_told_by_kind_camera_and_number() -> None:
-    cameras = (CAMERA, OTHER)
-    client = asker(VIEWPORT, 0, 1)
-    assert client.wrong([], cameras) is None
-    assert client.wrong([SIZE, CAMERA | {"type": "camera"}, OTHER], cameras) is None
-    wrong = client.wrong([SIZE, OTHER], cameras)
-    assert str(wrong) == "reply 2 to message client 0 answers another request"
-    assert client.wrong([CAMERA], cameras) is not None
-    assert "4 replies to 3" in str(client.wrong([SIZE, CAMERA, OTHER, SIZE], cameras))
-
-
-@pytest.mark.parametrize("camera", [None, {}, {"position": []}, {"position": ["far"]}])
-def test_a_frame_without_a_camera_shows_none(camera: Any) -> None:
-    connection: Any = None
-    reader = Reader(0, connection)
-    reader.show({"camera": {"position": [0.5, 0, 0]}})
-    assert reader.camera == 0.5
-    reader.show({"camera": camera})
-    assert (reader.frames, reader.camera) == (2, None)
-
-
 # With processes
 
 
 @pytest.fixture
-def testbed(request: pytest.FixtureRequest) -> Iterator[Testbed]:
-    """Of one of the reference pair, or one of its mutants."""
-    side, name = request.param
-    module = f"{mutants.__name__} {name}" if name else PROGRAMS[side]
-    command = f'"{sys.executable}" -m {module} {USUAL[side]}'
-    made = set_up(Plan(side, command, "127.0.0.1", (0, 0), (64, 48), 10.0))
+def testbed() -> Iterator[Testbed]:
+    """Of a client that fails a session."""
+    command = f'"{sys.executable}" -m {mutants.__name__} keeps-the-last-size-over-a-loss view'
+    made = set_up(Plan("client", command, "127.0.0.1", (0, 0), (64, 48), 10.0))
     made.introduce()
     yield made
     made.close()
 
 
-def of_sessions(side: Side, requirement: str) -> Any:
-    """The check by sessions of this requirement."""
-    found = (f for f in checks_of(side) if ".stateful." in f.play.__module__)
-    return next(f for f in found if f.requirement == requirement)
-
-
-def run(testbed: Testbed, side: Side, requirement: str) -> Trial:
-    """Run the check by sessions of this requirement."""
-    made = testbed.trial(requirements("1.1")[requirement])
-    of_sessions(side, requirement).play(made)
-    return made
-
-
-@pytest.mark.parametrize("testbed", [("server", "")], indirect=True)
-def test_the_reference_server_serves_in_any_session(testbed: Testbed) -> None:
-    for requirement in ("CHN-14", "REQ-7", "POS-11", "IMG-2", "IMG-17"):
-        made = run(testbed, "server", requirement)
-        assert made.delivered == len(made.went_through[0]) > 1
-
-
-@pytest.mark.parametrize("testbed", [("client", "")], indirect=True)
-def test_the_reference_client_survives_any_session(testbed: Testbed) -> None:
-    made = run(testbed, "client", "CHN-19")
-    assert made.delivered == len(made.went_through[0]) > 1
-
-
-@pytest.mark.parametrize("testbed", [("client", "keeps-the-last-size-over-a-loss")], indirect=True)
 def test_a_session_that_fails_is_shown_again(testbed: Testbed) -> None:
     made = testbed.trial(requirements("1.1")["CHN-24"])
-    check = of_sessions("client", "CHN-24")
+    found = (it for it in checks_of("client") if ".stateful." in it.play.__module__)
+    check = next(it for it in found if it.requirement == "CHN-24")
     with pytest.raises(Violation, match="was answered with open_failed") as caught:
         check.play(made)
     cases = tuple(map(tuple, made.went_through))
@@ -293,8 +228,3 @@ def test_a_session_that_fails_is_shown_again(testbed: Testbed) -> None:
     (((drawn, steps),),) = small.cases
     assert drawn
     assert [step[0] for step in steps] == ["announce", "drop"]
-
-
-def test_a_session_in_words() -> None:
-    assert in_words([("drop", "ipc", "reset"), ("lend",)]) == "drop ipc reset; lend"
-    assert in_words([]) == "no step"

@@ -57,40 +57,32 @@ def shown(*centres: tuple[float, float], turned: float = 0.0) -> CapturedFrame:
     )
 
 
-def test_the_scene_is_recognised_with_its_colours_in_any_order_but_not_with_others() -> None:
-    it = shown()
-    assert shows_the_scene(it)
-    assert shows_the_scene(it._replace(color=it.color[..., [2, 1, 0, 3]]))
-    assert not shows_the_scene(it._replace(color=it.color * 0.9))
-    assert not shows_the_scene(it._replace(color=it.color[::-1]))
+SKY = np.float32([0.4, 0.6, 0.9, 1.0])
+QUARTERS = [(x, y) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
 
 
-def test_the_scene_is_recognised_with_wrong_depths() -> None:
-    """They are what is judged, where the scene is known."""
-    it = shown()
-    assert shows_the_scene(it._replace(depth=it.depth[::-1]))
-    assert shows_the_scene(it._replace(depth=it.depth * 1.25))
-    assert not shows_the_scene(it._replace(depth=np.full_like(it.depth, np.inf)))
-
-
-@pytest.mark.parametrize("off", [(0.5, 0.5), (0.5, 0.0), (0.0, -0.1), (1.0, 1.0)])
-def test_a_scene_that_is_drawn_beside_its_place_is_that_scene(off: tuple[float, float]) -> None:
-    assert shows_the_scene(shown(off))
-
-
-def test_so_is_one_that_is_turned_a_little() -> None:
-    assert shows_the_scene(shown(turned=0.01))
-
-
-def test_a_scene_whose_edges_are_blended_is_another_one() -> None:
-    quarters = [(x, y) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
-    assert not shows_the_scene(shown(*quarters))
-
-
-def test_a_scene_before_a_sky_is_another_one() -> None:
-    it = shown()
-    sky = np.where(it.covered()[..., None], it.color, np.float32([0.4, 0.6, 0.9, 1.0]))
-    assert not shows_the_scene(it._replace(color=sky))
+@pytest.mark.parametrize(
+    ("of_the_scene", "seen"),
+    [
+        (True, shown()),
+        (True, shown()._replace(color=shown().color[..., [2, 1, 0, 3]])),
+        (True, shown()._replace(depth=shown().depth[::-1])),
+        (True, shown((0.5, 0.0))),
+        (True, shown((0.0, -0.1))),
+        (True, shown((1.0, 1.0))),
+        (True, shown(turned=0.01)),
+        (False, shown()._replace(color=shown().color * 0.9)),
+        (False, shown()._replace(color=shown().color[::-1])),
+        (False, shown()._replace(depth=np.full_like(shown().depth, np.inf))),
+        (False, shown(*QUARTERS)),
+        (False, shown()._replace(color=np.where(shown().covered()[..., None], shown().color, SKY))),
+    ],
+)
+def test_the_scene_is_recognised_wherever_it_is_drawn_and_however_wrong_its_depths_are(
+    of_the_scene: bool, seen: CapturedFrame
+) -> None:
+    """Not where others blend its edges, or paint a sky behind it."""
+    assert shows_the_scene(seen) is of_the_scene
 
 
 def test_an_image_that_is_empty_where_the_scene_cannot_be_seen_is_not_of_it() -> None:

@@ -1,7 +1,9 @@
-"""Change what the client asks of the CUDA driver."""
+"""Change what the client, or the server, asks of the CUDA driver."""
 
 from splatbus_client.cuda import images, legacy, opened
+from splatbus_server.cuda import driver
 
+from tests.zoo.faults import device
 from tests.zoo.faults.seam import Seam
 
 
@@ -15,7 +17,7 @@ def calls(patch, *names, around):
             return around(original, function, *arguments)
         return original(function, *arguments)
 
-    for module in (images, legacy, opened):
+    for module in (images, legacy, opened, driver, device):
         Seam(module, "call").wrap(patch, call)
 
 

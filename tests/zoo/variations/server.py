@@ -2,7 +2,6 @@
 
 from splatbus_conformance.wire.messages import init_packet_1_0
 from splatbus_server.connection import REQUESTS, Refusal, type_and_id
-from splatbus_wire import from_client
 from splatbus_wire.messages import GetViewportSize, Placement, ViewportSize
 from splatbus_wire.poses import IDENTITY, Pose
 
@@ -15,8 +14,7 @@ from tests.zoo.faults.respelling import (
     space_out,
     write_fractions,
 )
-from tests.zoo.faults.seam import Seam
-from tests.zoo.faults.seams import renderer, server
+from tests.zoo.faults.seams import renderer, server, wire
 from tests.zoo.mutant import variation
 
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
@@ -84,11 +82,7 @@ def server_ignores_broken_requests(original, self, error, now):
 @variation()
 def server_takes_no_strings_for_numbers(patch):
     """Refuses poses whose numbers are strings."""
-    original = from_client.pose_and_timestamp
-    Seam(from_client, "pose_and_timestamp").replace(
-        patch,
-        lambda message, or_strings=False: original(message),
-    )
+    wire.POSE_OF_1_0.wrap(patch, lambda original, message, or_strings=False: original(message))
 
 
 @variation()

@@ -171,9 +171,13 @@ class DeviceGallery:
         for each in wrong:
             read = image._replace(camera=self.lens._replace(pose=each.pose(view)))
             for scene in (STILL, ObjectPlacement(each.pose(rest))):  # read so, too, perhaps
-                fits = shows_the_scene(read, SceneState(scene))
+                fits = shows_the_scene(read, self._set(scene))
                 self.trial.expect(not fits, each.code, f"the images fit {each.words}")
         self.trial.not_observable(f"the image of a camera at {ASKEW} is none of it, nor fits these")
+
+    def _set(self, scene: ObjectPlacement) -> SceneState:
+        """What there is to see with the Gaussians there: who moves those moves no other object."""
+        return self.trial.facts.setting({}, scene)
 
     def _not_known(self) -> NoReturn:
         self.trial.not_observable("the server does not show the scene of conformance/SCENE.md")
@@ -363,7 +367,7 @@ class DeviceSteering(DeviceGallery):
     def _is_of(self, image: CapturedFrame, stage: HardView) -> bool:
         if not self.lens:
             return self._is_like(image, self._plain[stage])
-        scene = SceneState(ObjectPlacement(rigid(*stage.scene)))
+        scene = self._set(ObjectPlacement(rigid(*stage.scene)))
         return shows_the_scene(_seen_from(stage.camera, self.lens, image), scene)
 
     def _expect_still(self, stage: HardView) -> None:

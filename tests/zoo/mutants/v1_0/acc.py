@@ -17,6 +17,7 @@ from tests.zoo.mutants.v1_0.cnv.servers import cameras, depths
     check="check_rotations_are_those_of_the_quaternion",
     code="beyond-its-budget",
     at=renderer.ROWS_OF_ROTATION,
+    in_device_memory=True,
 )
 def server_takes_quaternions_for_unit_ones(original, q):
     """Turns a quaternion into a matrix as if its norm were 1."""
@@ -36,7 +37,9 @@ def server_rounds_quaternions_to_four_digits(patch):
     )
 
 
-@mutant("ACC-3", check="check_rotations_do_not_shear", code="beyond-its-budget")
+@mutant(
+    "ACC-3", check="check_rotations_do_not_shear", code="beyond-its-budget", in_device_memory=True
+)
 def server_shears_its_views(patch):
     """Stores the rotation of a camera in half precision."""
 
@@ -47,7 +50,9 @@ def server_shears_its_views(patch):
     cameras(patch, half)
 
 
-@mutant("ACC-4", check="check_translations_are_exact", code="beyond-its-budget")
+@mutant(
+    "ACC-4", check="check_translations_are_exact", code="beyond-its-budget", in_device_memory=True
+)
 def server_counts_in_centimetres(patch):
     """Keeps where the camera is as whole hundredths of a unit."""
     cameras(
@@ -58,7 +63,12 @@ def server_counts_in_centimetres(patch):
     )
 
 
-@mutant("ACC-5", check="check_the_camera_is_where_it_was_put", code="beyond-its-budget")
+@mutant(
+    "ACC-5",
+    check="check_the_camera_is_where_it_was_put",
+    code="beyond-its-budget",
+    in_device_memory=True,
+)
 def server_recovers_the_centre_by_another_rotation(patch):
     """Finds the camera's centre from the view's translation by a rotation of five digits."""
 
@@ -70,7 +80,12 @@ def server_recovers_the_centre_by_another_rotation(patch):
     cameras(patch, recovered)
 
 
-@mutant("ACC-6", check="check_single_precision_is_rounded_once", code="missing-pixels")
+@mutant(
+    "ACC-6",
+    check="check_single_precision_is_rounded_once",
+    code="missing-pixels",
+    in_device_memory=True,
+)
 def server_multiplies_in_tf32(patch):
     """Multiplies matrices with 11 bits of each number, as tensor cores do unless told otherwise."""
 

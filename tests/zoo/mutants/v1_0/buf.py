@@ -3,6 +3,7 @@
 import threading
 
 import numpy as np
+from splatbus_server.publish import Publisher
 from splatbus_server.view import View
 
 from tests.zoo.faults.seam import Seam
@@ -15,20 +16,16 @@ LATE_SECONDS = 0.03
 def stored(patch, channel, change):
     """Change what lies in a slot after it was written."""
 
-    def writer(original, self, *image):
-        write = original(self, *image)
+    def write(original, self, image, color, depth):
+        original(self, image, color, depth)
+        slot = {"color": color, "depth": depth}[channel]
+        if slot is not None:
+            change(slot)
 
-        def written(slot, wants):
-            write(slot, wants)
-            if channel in wants:
-                change(getattr(self, channel)(slot))
-
-        return written
-
-    server.WRITES_IMAGE.wrap(patch, writer)
+    Seam(Publisher, "write").wrap(patch, write)
 
 
-@mutant("BUF-2", check="check_numbers_are_little_endian", code="big-endian")
+@mutant("BUF-2", check="check_numbers_are_little_endian", code="big-endian", in_device_memory=True)
 def server_stores_big_endian_numbers(patch):
     """Stores colours with their bytes in network order."""
 
@@ -48,7 +45,7 @@ def server_stores_blue_first(patch):
     stored(patch, "color", swap)
 
 
-@mutant("BUF-3", check="check_colours_are_from_0_to_1", code="out-of-range")
+@mutant("BUF-3", check="check_colours_are_from_0_to_1", code="out-of-range", in_device_memory=True)
 def server_does_not_clamp_colours(patch):
     """Stores what spherical harmonics gave, which may be more than 1."""
 
@@ -69,7 +66,9 @@ def server_stores_nan(patch):
     stored(patch, "color", divide)
 
 
-@mutant("BUF-5", check="check_alpha_is_1_where_there_is_none", code="wrong-alpha")
+@mutant(
+    "BUF-5", check="check_alpha_is_1_where_there_is_none", code="wrong-alpha", in_device_memory=True
+)
 def server_stores_no_alpha(patch):
     """Gives red, green and blue, and leaves alpha 0."""
 
@@ -88,7 +87,12 @@ def where_empty(change):
     return fill
 
 
-@mutant("BUF-7", check="check_empty_pixels_are_infinitely_far", code="not-a-depth")
+@mutant(
+    "BUF-7",
+    check="check_empty_pixels_are_infinitely_far",
+    code="not-a-depth",
+    in_device_memory=True,
+)
 def server_stores_depth_0_where_nothing_is(patch):
     """Clears its depth to 0."""
     stored(patch, "depth", where_empty(lambda slot: 0.0))
@@ -168,17 +172,11 @@ def server_stores_no_depth(patch):
     Seam(View, "wants_depth").replace(patch, property(lambda self: "depth" not in self.wants))
 
 
-@mutant(
-    "IMG-5", check="check_every_pixel_is_of_the_camera", code="other-depths", at=server.WRITES_IMAGE
-)
-def server_tells_other_depths_in_a_corner(original, self, *image):
+@mutant("IMG-5", check="check_every_pixel_is_of_the_camera", code="other-depths")
+def server_tells_other_depths_in_a_corner(patch):
     """Stores depths in a quarter of the image that are a tenth too large."""
-    write = original(self, *image)
 
-    def written(slot, wants):
-        write(slot, wants)
-        if "depth" in wants:
-            depth = self.depth(slot)
-            depth[: len(depth) // 2, : depth.shape[1] // 2] *= 1.1
+    def scale(slot):
+        slot[: len(slot) // 2, : slot.shape[1] // 2] *= 1.1
 
-    return written
+    stored(patch, "depth", scale)

@@ -1,6 +1,6 @@
 /* The driver's calls, for programs that load libcuda themselves: each is the runtime's call that does
    the same, leaves that one's line in the trace, and besides needs a current context. Error codes are
-   those that driver 13 on an H100 gave to tests/conformance/images/cuda_stand_in/cuda_driver.py. */
+   those of driver 580 on an H100. */
 
 #include "objects.h"
 #include "runtime.h"
@@ -294,6 +294,23 @@ API int cuMemcpyDtoD_v2(pointer to, pointer from, size_t size) {
 }
 API int cuMemcpyDtoDAsync_v2(pointer to, pointer from, size_t size, void *stream) {
     ON(stream, cudaMemcpyAsync(AT(to), AT(from), size, WITHIN, stream));
+}
+
+API int cuMemsetD32Async(pointer at, uint32_t value, size_t count, void *stream) {
+    uint32_t *values = calloc(count, sizeof value);
+    for (size_t each = 0; values && each < count; each++)
+        values[each] = value;
+    int code = values ? cuMemcpyHtoDAsync_v2(at, values, count * sizeof value, stream)
+                      : OUT_OF_MEMORY;
+    free(values);
+    return code;
+}
+API int cuMemGetInfo_v2(size_t *left, size_t *all) {
+    NEEDS_CONTEXT;
+    if (!left || !all)
+        return INVALID_VALUE;
+    *left = *all = MOST_BYTES; /* of the host's, until an allocation fails */
+    return SUCCESS;
 }
 
 struct end { /* of a copy of rows, half of a CUDA_MEMCPY2D */

@@ -14,7 +14,6 @@
 
 #define SAFELY (O_CLOEXEC | O_NOFOLLOW)
 #define UNLINK (-1)
-#define MOST_BYTES ((size_t)1 << 38)
 #define POISON 0xFF /* four of them are a NaN */
 
 _Thread_local int last_error, device;

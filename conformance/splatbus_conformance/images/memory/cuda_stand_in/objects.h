@@ -2,8 +2,8 @@
 
    An allocation of device memory is a file in a folder, and so is the progress of an event: other
    processes can open them, and the harness can read and write them. Work on a stream is done at
-   once. Every call that matters leaves a line in a trace. Error codes are those that runtime 13.0
-   on an H200 gave to tests/conformance/images/cuda_stand_in/cuda_runtime.py. */
+   once. Every call that matters leaves a line in a trace. Error codes are those of runtime 13.0
+   on an H200. */
 
 #ifndef OBJECTS_H
 #define OBJECTS_H
@@ -30,6 +30,8 @@
     E(TIMEOUT, 702, "cudaErrorLaunchTimeout", "the launch timed out and was terminated")
 #define ERROR_CODE(symbol, code, name, text) symbol = code,
 enum error { ERRORS(ERROR_CODE) };
+
+#define MOST_BYTES ((size_t)1 << 38) /* of an allocation */
 
 enum kind { ALLOCATED = 1, IMPORTED = 2, PINNED = 4, EVENT = 8, STREAM = 16 };
 enum { DEVICE_MEMORY = ALLOCATED | IMPORTED, MEMORY = DEVICE_MEMORY | PINNED };

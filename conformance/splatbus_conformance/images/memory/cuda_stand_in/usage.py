@@ -27,11 +27,6 @@ def is_read(call: Call) -> bool:
     return call.function.startswith("cudaMemcpy") and bool(some) and call.ok
 
 
-def reads(calls: Iterable[Call], memory: str) -> list[Call]:
-    """The copies out of this memory."""
-    return [call for call in calls if is_read(call) and call.memory == memory]
-
-
 @dataclass
 class _Wait:
     """A wait for an event of the server, by a stream or by the host."""

@@ -58,7 +58,7 @@ def inverse(rotation, position):
 # Rows and depth
 
 
-@mutant("BUF-1", check="check_rows_are_bottom_up", code="rows-top-down")
+@mutant("BUF-1", check="check_rows_are_bottom_up", code="rows-top-down", in_device_memory=True)
 def server_stores_rows_top_down(patch):
     """Stores the top row of the image first."""
     for channel in ("color", "depth"):
@@ -90,7 +90,7 @@ def server_stores_depth_in_hundredths(patch):
     depths(patch, lambda depth, camera: 100.0 * depth)
 
 
-@mutant("BUF-6", check="check_depth_is_planar", code="inverse-depths")
+@mutant("BUF-6", check="check_depth_is_planar", code="inverse-depths", in_device_memory=True)
 def server_stores_inverse_depth(patch):
     """Stores 1/z where there is a surface."""
     depths(patch, lambda depth, camera: np.where(np.isfinite(depth), 1.0 / depth, np.inf))
@@ -99,7 +99,9 @@ def server_stores_inverse_depth(patch):
 # Poses
 
 
-@mutant("CNV-1", check="check_poses_are_camera_to_world", code="world-to-camera")
+@mutant(
+    "CNV-1", check="check_poses_are_camera_to_world", code="world-to-camera", in_device_memory=True
+)
 def server_takes_poses_for_world_to_camera(patch):
     """Renders with the inverse of the pose that was sent."""
 
@@ -155,7 +157,12 @@ def server_reads_the_scalar_first(patch):
     rotations(patch, lambda q: (q[1], q[2], q[3], q[0]))
 
 
-@mutant("CNV-3", check="check_rotations_are_hamilton_with_w_last", code="rotation-inverted")
+@mutant(
+    "CNV-3",
+    check="check_rotations_are_hamilton_with_w_last",
+    code="rotation-inverted",
+    in_device_memory=True,
+)
 def server_reads_jpl_quaternions(patch):
     """Turns the camera the other way round."""
     rotations(patch, lambda q: (-q[0], -q[1], -q[2], q[3]))

@@ -7,6 +7,7 @@ from splatbus_server import api, connection
 from splatbus_server.connection import Connection, Refusal
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import GetScene
+from splatbus_wire.poses import IDENTITY
 
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server, wire
@@ -209,3 +210,17 @@ def server_reports_unknown_members(original, payload, *arguments, **named):
     if strange:
         raise ProtocolError("invalid_message", "what is that?", requirement="SCN-1")
     return message
+
+
+@mutant(
+    "JSN-11",
+    check="check_takes_strings_for_numbers_or_not",
+    code="applies",
+    at=wire.POSE_OF_1_0,
+)
+def server_turns_nothing_by_strings(original, message, **named):
+    """Takes strings for the numbers of a position, and not for those of a rotation."""
+    rotation = message.value.get("rotation")
+    if isinstance(rotation, dict) and any(isinstance(part, str) for part in rotation.values()):
+        message.value["rotation"] = dict(zip("xyzw", IDENTITY.rotation, strict=True))
+    return original(message, **named)

@@ -16,7 +16,7 @@ from tests.zoo.faults.surgery import Json, crash
 from tests.zoo.mutant import mutant
 
 
-@mutant("POS-5", check="check_takes_members_by_name", code="ignores")
+@mutant("POS-5", check="check_takes_members_by_name", code="ignores", in_device_memory=True)
 def server_takes_members_as_they_come(patch):
     """Takes the numbers of a rotation in the order in which they stand."""
 
@@ -37,7 +37,7 @@ def server_fills_in_what_a_pose_lacks(patch):
     _repairs(patch, lambda message: {"position": dict.fromkeys("xyz", 0.0)} | message)
 
 
-@mutant("POS-6", check="check_keeps_the_former_pose", code="applies")
+@mutant("POS-6", check="check_keeps_the_former_pose", code="applies", in_device_memory=True)
 def server_scales_every_rotation(patch):
     """Makes a unit quaternion of every rotation."""
 
@@ -81,6 +81,7 @@ def server_acknowledges_poses(original, self, connection, message):
     check="check_one_connection_has_control",
     code="applied-without-control",
     at=server.OBEYS,
+    in_device_memory=True,
 )
 def server_obeys_everyone(original, self, connection, message):
     """Applies the newest pose, whoever sent it."""
@@ -145,7 +146,12 @@ def server_moves_gaussians_that_it_will_not_turn(patch):
     Seam(from_client, "pose_of_1_0").wrap(patch, pose)
 
 
-@mutant("POS-7", check="check_the_last_of_one_piece_is_shown", code="not-the-newest")
+@mutant(
+    "POS-7",
+    check="check_the_last_of_one_piece_is_shown",
+    code="not-the-newest",
+    in_device_memory=True,
+)
 def server_takes_the_first_of_one_piece(patch):
     """Takes one camera until it has passed on what changed."""
     taken: list[Any] = []
@@ -192,7 +198,11 @@ def server_dies_of_what_is_no_time(original, message, **named):
 
 
 @mutant(
-    "POS-14", check="check_takes_poses_of_no_time_or_not", code="applies", at=server.REFUSES_PACKET
+    "POS-14",
+    check="check_takes_poses_of_no_time_or_not",
+    code="applies",
+    at=server.REFUSES_PACKET,
+    in_device_memory=True,
 )
 def server_turns_by_poses_of_no_time(original, self, error, now):
     """Applies the rotation alone of a pose whose timestamp is no number."""
