@@ -5,7 +5,7 @@ then the script holds it whole.
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -161,10 +161,6 @@ def flat(cases: Rows) -> list[tuple[int, Case]]:
     return [(row, case) for row, found in enumerate(cases) for case in found]
 
 
-def rows(pairs: Iterable[tuple[int, Case]], count: int) -> Rows:
+def rows(pairs: Sequence[tuple[int, Case]], count: int) -> Rows:
     """The reverse of `flat`, for so many rows."""
-    return tuple(tuple(_of(pairs, row)) for row in range(count))
-
-
-def _of(pairs: Iterable[tuple[int, Case]], row: int) -> Iterator[Case]:
-    return (case for number, case in pairs if number == row)
+    return tuple(tuple(case for number, case in pairs if number == row) for row in range(count))

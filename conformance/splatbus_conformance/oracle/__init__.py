@@ -22,7 +22,6 @@ from splatbus_conformance.oracle.images import (
 )
 from splatbus_conformance.oracle.intrinsics import Intrinsics
 from splatbus_conformance.oracle.rotations import (
-    camera_centre,
     norm,
     rotation_matrix,
     view_matrix,
@@ -51,7 +50,6 @@ __all__ = [
     "planar_depth",
     "surface_depth",
     "Intrinsics",
-    "camera_centre",
     "norm",
     "rotation_matrix",
     "view_matrix",

@@ -69,13 +69,6 @@ def view_matrix(position: Sequence[Real], q: Sequence[Real]) -> Rows:
     return (*upper, exact((0, 0, 0, 1)))
 
 
-def camera_centre(view: Sequence[Sequence[Real]]) -> Vector:
-    """Return −R·t of a view matrix [Rᵀ | t] of any numbers, exactly."""
-    rows = tuple(exact(row) for row in view)
-    turned = tuple(row[:3] for row in rows[:3])
-    return tuple(-a for a in apply(transpose(turned), [row[3] for row in rows[:3]]))
-
-
 def quaternion_of(R: Rows) -> Vector:
     """Return a unit quaternion (x, y, z, w) of an exact rotation matrix, to 400 bits."""
     (a, b, c), (d, e, f), (g, h, i) = R

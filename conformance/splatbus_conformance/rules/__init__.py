@@ -6,11 +6,13 @@ session of the harness is a recording too.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import NamedTuple, Protocol, cast
+from functools import cache, wraps
+from typing import Any, NamedTuple, Protocol, cast
 
 from splatbus_conformance.wire.conversation import Conversation, Message, conversations
 from splatbus_conformance.wire.recording import Entry
 
+Json = dict[str, Any]
 LOST = "lost-a-vital-sign"
 """The code of what the testee could do when it was met, and can no more."""
 
@@ -32,8 +34,6 @@ class Sighting(NamedTuple):
     requirement: str
     peer: str
     """`client` or `server`: who was bound by it."""
-    channel: str
-    conn: int
     t: float
     breach: Breach | None = None
     """What was wrong; None if it was right."""
@@ -44,6 +44,9 @@ class Sighting(NamedTuple):
     """Where the bytes that show it begin in their sender's stream, if they are no message."""
     data: bytes = b""
     """Those bytes."""
+    channel: str = ""
+    conn: int = 0
+    """Of which connection, as `rule` adds."""
 
 
 class Judgement(NamedTuple):
@@ -68,14 +71,19 @@ def rule(*judges: str) -> Callable[[Callable[[Conversation], Iterable[Sighting]]
     """Declare a function to be the rule for these requirements."""
 
     def declare(function: Callable[[Conversation], Iterable[Sighting]]) -> Rule:
-        function.judges = judges  # type: ignore[attr-defined]
-        return cast(Rule, function)
+        @wraps(function)
+        def judge_all(conversation: Conversation) -> Iterator[Sighting]:
+            channel, number = conversation.channel, conversation.number
+            for sighting in function(conversation):
+                yield sighting._replace(channel=channel, conn=number)
+
+        judge_all.judges = judges  # type: ignore[attr-defined]
+        return cast(Rule, judge_all)
 
     return declare
 
 
 def about(
-    conversation: Conversation,
     message: Message,
     requirement: str,
     breach: Breach | None = None,
@@ -87,8 +95,6 @@ def about(
     return Sighting(
         requirement,
         peer or message.sender,
-        conversation.channel,
-        conversation.number,
         message.packet.ended,
         breach,
         pointer,
@@ -96,9 +102,22 @@ def about(
     )
 
 
-def judged(
-    conversation: Conversation, message: Message, judgements: Iterable[Judgement]
-) -> Iterator[Sighting]:
+def kept(judgements: Iterable[Judgement]) -> bool:
+    """Whether none of them is a breach."""
+    return not any(judgement.breach for judgement in judgements)
+
+
+def greeted(conversation: Conversation, *kinds: str) -> Iterator[Message]:
+    """The messages of these kinds that came after `hello`."""
+    return (message for message, hello, _ in conversation.placed(*kinds) if hello is not None)
+
+
+def deaf(conversation: Conversation) -> bool:
+    """What the server sent could not be read to its end, so nobody knows what the client knew."""
+    return conversation.streams["s2c"].refused is not None
+
+
+def judged(message: Message, judgements: Iterable[Judgement]) -> Iterator[Sighting]:
     """One sighting for each requirement among the judgements: its first breach, if it has one."""
     first: dict[str, Judgement] = {}
     for judgement in judgements:
@@ -106,11 +125,12 @@ def judged(
         if requirement not in first or (breach is not None and first[requirement].breach is None):
             first[requirement] = judgement
     for requirement, breach, pointer in first.values():
-        yield about(conversation, message, requirement, breach, pointer)
+        yield about(message, requirement, breach, pointer)
 
 
+@cache
 def all_rules() -> tuple[Rule, ...]:
-    """Every rule, in the order of the specification's chapters."""
+    """Every rule, in the order of the specification's chapters, and of their modules."""
     from splatbus_conformance.rules.v1_0 import chn, frm, ini, jsn, pos, req_replies, req_requests
     from splatbus_conformance.rules.v1_1 import (
         cam,
@@ -130,7 +150,8 @@ def all_rules() -> tuple[Rule, ...]:
         *(neg, neg_welcome, mem, opn, img, cam, obj, scn_vpt_png),
         *(evo, tel),
     )
-    return tuple(rule for module in modules for rule in module.RULES)
+    named = (it for module in modules for it in vars(module).values())
+    return tuple(it for it in named if hasattr(it, "judges"))
 
 
 def sightings(entries: Iterable[Entry]) -> Iterator[Sighting]:

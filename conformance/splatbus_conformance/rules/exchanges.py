@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
-from splatbus_conformance.rules import Judgement
+from splatbus_conformance.rules import Judgement, kept
 from splatbus_conformance.rules.form import form
 from splatbus_conformance.wire.conversation import Conversation, Message, MessageInContext
 from splatbus_conformance.wire.json_values import is_number, show, whole
@@ -243,13 +243,13 @@ class _Matching:
 def request(message: Message) -> Iterator[Judgement]:
     """What a request shows of the requirement on its form."""
     kind = str(message.kind)
-    return form(message.value or {}, kind, ASKED_BY[kind])
+    return form(message.members, kind, ASKED_BY[kind])
 
 
 def valid_request(message: Message) -> bool:
     """A request that breaks neither the requirement on its form nor a rule of its text."""
     sound = message.kind in REQUESTS and not message.faults
-    return sound and all(judgement.breach is None for judgement in request(message))
+    return sound and kept(request(message))
 
 
 @lru_cache(maxsize=1)  # each rule on replies asks for the same
@@ -282,7 +282,7 @@ def _asked(placed: MessageInContext, *, agreed: bool) -> _Asked | None:
     message, hello, welcome = placed
     if not valid_request(message) or message.kind not in (REQUESTS if hello else REQUESTS_1_0):
         return None
-    sure = is_number((message.value or {}).get("timestamp", 0))
+    sure = is_number(message.members.get("timestamp", 0))
     sure = sure and (agreed or message.kind in REQUESTS_1_0)
     ids: frozenset[Id] | None = frozenset({None})
     if agreed and hello is None:  # its reply may come before `welcome`, or after
@@ -295,11 +295,11 @@ def _asked(placed: MessageInContext, *, agreed: bool) -> _Asked | None:
 
 def _named_well(message: Message) -> bool:
     """It has an id that NEG-27 allows, or none."""
-    return whole((message.value or {}).get("id", 0), 0) is not None
+    return whole(message.members.get("id", 0), 0) is not None
 
 
 def _id(message: Message) -> Id:
     """The id of a message, 3.0 being the same as 3 (JSN-6); None if it has none."""
-    value = message.value or {}
+    value = message.members
     number = whole(value.get("id"))
     return show(value["id"]) if number is None and "id" in value else number

@@ -1,17 +1,18 @@
 """What one message shows by itself: its schema says what is wrong, where, and by which sentence."""
 
+import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any
 
-from splatbus_schemas import VERSIONS, names, schema
+from splatbus_schemas import LIMITS, VERSIONS, names, schema
 from splatbus_schemas.validation import violations
 
-from splatbus_conformance.rules import Breach, Judgement
-from splatbus_conformance.wire.json_values import show, unspeakable
+from splatbus_conformance.rules import Breach, Json, Judgement, Sighting, judged
+from splatbus_conformance.wire.conversation import Message
+from splatbus_conformance.wire.json_values import finite, finites, show, unspeakable, whole, within
 
-Json = dict[str, Any]
 CODES = {
     "required": "missing-member",
     **dict.fromkeys(("const", "enum", "contains", "anyOf"), "wrong-value"),
@@ -44,6 +45,40 @@ def form(value: Json, kind: str, *requirements: str, version: str = "1.1") -> It
         for name in requirements:
             if name in named:
                 yield Judgement(name, Breach(CODES[keyword], problem), pointer)
+
+
+def formed(messages: Iterable[Message], *requirements: str) -> Iterator[Sighting]:
+    """What each of some messages of 1.1 shows of these requirements by the schema of its kind."""
+    for message in messages:
+        shown = form(message.members, str(message.kind), *requirements)
+        yield from judged(message, shown)
+
+
+def growing(value: Json, name: str, newest: int, requirement: str) -> Iterator[Judgement]:
+    """Whether an integer is greater than the newest before it."""
+    number = whole(value.get(name), 0)
+    if number is not None and number <= newest:
+        text = f"{name} {number} comes after {newest}"
+        yield Judgement(requirement, Breach("not-growing", text), f"/{name}")
+
+
+def far_beyond_near(lens: object, requirement: str, pointer: str) -> Iterator[Judgement]:
+    """Whether `far` is beyond `near`, where a lens or a camera has both."""
+    near, far = (finite(within(lens, name)) for name in ("near", "far"))
+    if near is not None and far is not None and far <= near:
+        wrong = Breach("far-before-near", f"far is {show(far)}, near {show(near)}")
+        yield Judgement(requirement, wrong, f"{pointer}/far")
+
+
+def unit_norm(
+    rotation: object, requirement: str, pointer: str = "/rotation"
+) -> Iterator[Judgement]:
+    """Whether four numbers are a unit quaternion, as POS-3 says."""
+    if parts := finites(rotation, 4):
+        norm, tolerance = math.hypot(*parts), LIMITS["rotation_norm_tolerance"]
+        off = not abs(norm - 1) <= tolerance
+        text = f"the norm of rotation is {norm:.6g}, further than {tolerance} from 1"
+        yield Judgement(requirement, Breach("not-unit-norm", text) if off else None, pointer)
 
 
 def greeting(value: Json) -> Iterator[Judgement]:

@@ -36,9 +36,14 @@ class Message(NamedTuple):
         return SENDER[self.direction]
 
     @property
+    def members(self) -> dict[str, Any]:
+        """Those of the object; none where it is none."""
+        return self.value or {}
+
+    @property
     def type(self) -> str | None:
         """The `type` of the message, where it has one that is a string."""
-        kind = (self.value or {}).get("type")
+        kind = self.members.get("type")
         return kind if isinstance(kind, str) else None
 
     @property
@@ -49,7 +54,7 @@ class Message(NamedTuple):
     @property
     def agrees(self) -> bool:
         """It is a `welcome`, and not one to 1.0, with which nothing is agreed (NEG-33)."""
-        return self.kind == "welcome" and (self.value or {}).get("version") != "1.0"
+        return self.kind == "welcome" and self.members.get("version") != "1.0"
 
 
 @dataclass(eq=False)

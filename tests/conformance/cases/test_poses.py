@@ -8,26 +8,16 @@ from splatbus_conformance.cases.drawing import draw
 from splatbus_conformance.cases.valid.poses import SteeredDraw, poses
 
 DOUBLE = draw(poses("a"), 600, 0)
-SINGLE = draw(poses("a", single=True), 600, 0)
-
-
-def test_every_pose_is_allowed():
-    for pose in [*DOUBLE, *SINGLE]:
-        assert all(math.isfinite(n) and abs(n) <= 3.4028234663852886e38 for n in pose.position)
-        assert abs(math.hypot(*pose.rotation) - 1) <= 0.01
 
 
 @pytest.mark.parametrize("single", [False, True])
-def test_poses_for_engines_have_the_norm_1_to_rounding(single):
-    rounding = 2.0**-23 if single else 2.0**-52
-    for pose in draw(poses("a", single=single, unit=True), 600, 0):
-        assert abs(math.hypot(*pose.rotation) - 1) <= rounding
-
-
-def test_single_precision_holds_what_it_is_given():
-    for pose in SINGLE:
-        for number in (*pose.position, *pose.rotation):
-            assert float(np.float32(number)) == number
+def test_every_pose_is_allowed_and_held_as_asked(single):
+    for unit, most in (False, 0.01), (True, 2.0**-23 if single else 2.0**-52):
+        for pose in draw(poses("a", single=single, unit=unit), 600, 0):
+            numbers = (*pose.position, *pose.rotation)
+            assert all(abs(number) <= 3.4028234663852886e38 for number in numbers)
+            assert abs(math.hypot(*pose.rotation) - 1) <= most
+            assert not single or all(float(np.float32(number)) == number for number in numbers)
 
 
 @pytest.mark.parametrize(
@@ -46,8 +36,7 @@ def test_every_hardship_is_drawn(hard):
     assert sum(hard(*pose) for pose in DOUBLE) >= 5
 
 
-def test_the_same_seed_draws_the_same_poses_and_another_salt_others():
-    assert draw(poses("a"), 100, 0) == draw(poses("a"), 100, 0)
+def test_another_salt_draws_others():
     assert not {*draw(poses("b"), 50, 0)} & {*DOUBLE}
 
 
@@ -61,7 +50,3 @@ def test_a_search_moves_one_number_by_much_or_by_little():
         assert changed == pytest.approx([0.0, 2.0 * step, 0.0], rel=0.5, abs=0.0)
     other = SteeredDraw((5 + 2**12, *near.integers[1:]))
     assert other.rng("a").random() != near.rng("a").random()
-
-
-def test_most_poses_are_different():
-    assert len({str(pose) for pose in DOUBLE}) > 0.75 * len(DOUBLE)

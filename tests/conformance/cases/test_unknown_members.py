@@ -7,13 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from splatbus_conformance.cases.valid.unknown_members import (
     between_unknown_members,
-    known_names,
-    nested,
     with_unknown_members,
 )
 from splatbus_conformance.wire import messages
-from splatbus_conformance.wire.json_reading import nesting, read, values
-from splatbus_schemas import LIMITS
+from splatbus_conformance.wire.json_reading import read, values
 from splatbus_schemas.validation import violations
 
 REPLY_WITHOUT_ID = {
@@ -25,18 +22,20 @@ REPLY_WITHOUT_ID = {
 }
 MESSAGES = {
     "init_packet": messages.init_packet_1_1("splatbus-1", 7),
-    "welcome": messages.welcome("ipc", ["host_shm", "frames"]),
     "frame": messages.frame(7, 1, 2),
     "scene": REPLY_WITHOUT_ID,
 }
 
 
-def knows(fuller, message):
-    """`fuller` has all that `message` has, at every level."""
+def knows(fuller, message, more=0):
+    """`fuller` has all that `message` has, and so many members more, at every level."""
     if isinstance(message, dict):
-        return all(name in fuller and knows(fuller[name], message[name]) for name in message)
+        inside = all(
+            name in fuller and knows(fuller[name], message[name], more) for name in message
+        )
+        return inside and len(fuller) >= len(message) + more
     if isinstance(message, list):
-        return all(knows(full, bare) for full, bare in zip(fuller, message, strict=True))
+        return all(knows(full, bare, more) for full, bare in zip(fuller, message, strict=True))
     return fuller == message
 
 
@@ -44,16 +43,10 @@ def knows(fuller, message):
 @given(seed=st.integers(0, 2**32))
 def test_added_members_change_nothing(name, seed):
     fuller = with_unknown_members(MESSAGES[name], Random(seed))
-    assert knows(fuller, MESSAGES[name])
+    assert knows(fuller, MESSAGES[name], 1)
     assert not violations(fuller, name, "1.1")
-    value, faults = read(messages.encode(fuller))
-    assert (value, faults) == (fuller, ())
-
-
-@given(seed=st.integers(0, 2**32))
-def test_no_name_is_added_that_means_something_there(seed):
-    fuller = with_unknown_members(REPLY_WITHOUT_ID, Random(seed))
-    assert "id" not in fuller
+    assert read(messages.encode(fuller)) == (fuller, ())
+    assert "id" not in fuller  # of a reply it means something
 
 
 @pytest.mark.parametrize("name", MESSAGES)
@@ -62,28 +55,12 @@ def test_members_before_and_behind_mislead_a_search_of_the_text(name):
     assert values(between) == 4096
     assert knows(between, MESSAGES[name])
     assert not violations(between, name, "1.1")
-    places = list(between)
-    own = [places.index(member) for member in MESSAGES[name]]
-    assert places.index("decoy") < min(own)
-    assert max(own) < places.index("decoy of it")
-    assert between["decoy"].keys() == MESSAGES[name].keys() == between["decoy of it"].keys()
-
-
-@pytest.mark.parametrize("name", MESSAGES)
-def test_every_object_gains_a_member(name):
-    fuller = with_unknown_members(MESSAGES[name], Random(1))
-    pairs = [(fuller, MESSAGES[name])]
-    while pairs:
-        full, bare = pairs.pop()
-        assert len(full) > len(bare)
-        pairs += [(full[key], bare[key]) for key in bare if isinstance(bare[key], dict)]
-
-
-def test_known_names_are_those_of_the_schemas():
-    assert {"meta", "fmtColor", "viewport_size", "mem_color", "unitMetres"} <= known_names()
-    assert "x-later" not in known_names()
-
-
-@pytest.mark.parametrize("depth", [1, 2, LIMITS["max_json_depth"]])
-def test_nested_is_as_deep_as_asked(depth):
-    assert nesting(messages.encode({"x": nested(depth)}).decode()) == depth + 1
+    first, decoy, *own, behind, last = between
+    assert (first, decoy, own, behind, last) == (
+        "",
+        "decoy",
+        [*MESSAGES[name]],
+        "decoy of it",
+        "x-later",
+    )
+    assert between[decoy].keys() == MESSAGES[name].keys() == between[behind].keys()

@@ -1,3 +1,5 @@
+"""How far a result is from the exact one: against mpmath and SciPy."""
+
 import math
 from fractions import Fraction
 
@@ -11,16 +13,10 @@ from splatbus_conformance.oracle import deviation
 from splatbus_conformance.oracle.rounding import DOUBLE, SINGLE
 
 
-def test_errors_are_counted_in_units_of_roundoff():
+def test_errors_are_counted_in_units_of_their_format_or_of_what_is_expected():
     assert deviation.error_in_u((1 + 2**-52, 0.5), (Fraction(1), Fraction(1, 2))) == 2
-
-
-def test_small_vectors_are_measured_absolutely_and_large_ones_relatively():
     assert deviation.norm_error((0.5, 0, 0), (Fraction(1, 4), 0, 0)) == 0.25
     assert deviation.norm_error((30, 44), (Fraction(30), Fraction(40))) == 0.08
-
-
-def test_ulps_are_those_of_the_format():
     assert deviation.ulps(1 + 2**-23, Fraction(1), SINGLE) == 1
     assert deviation.ulps(1 + 2**-23, Fraction(1), DOUBLE) == 2**29
 
@@ -30,12 +26,6 @@ def test_what_is_not_finite_is_infinitely_wrong(number):
     assert deviation.error_in_u((0.0, number), (Fraction(0), Fraction(0))) == math.inf
     assert deviation.norm_error((number,), (Fraction(0),)) == math.inf
     assert deviation.ulps(number, Fraction(0), SINGLE) == math.inf
-
-
-def test_the_orthogonality_error_is_the_spectral_norm():
-    assert deviation.orthogonality_error(np.eye(3).tolist()) == 0
-    sheared = np.diag([1.0, 1.5, 1.25]).tolist()
-    assert deviation.orthogonality_error(sheared) == 1.25
 
 
 @settings(deadline=None, max_examples=50)
@@ -57,9 +47,3 @@ def test_the_angle_between_rotations_is_the_one_turned_by(angle, axis, scale):
     turned = start * Rotation.from_rotvec(angle * axis)
     got = deviation.angle_between(start.as_quat(), -scale * turned.as_quat())
     assert got == pytest.approx(angle, abs=2e-15)
-
-
-def test_a_rotation_is_no_angle_away_from_itself():
-    q = (0.1, -0.2, 0.3, 0.9)
-    assert deviation.angle_between(q, q) == 0
-    assert deviation.angle_between(q, tuple(-2 * a for a in q)) == 0

@@ -10,6 +10,7 @@ from splatbus_conformance.cases.malformed.init_packets import (
     NO_OBJECTS,
     NO_STRINGS,
     changed,
+    in_words,
 )
 from splatbus_conformance.wire.messages import Json
 
@@ -27,11 +28,7 @@ class BrokenFrame(NamedTuple):
 
     def __str__(self) -> str:
         """The changes in words."""
-        words = (
-            f"no {path}" if value is ABSENT else f"{path} {value!r:.60}"
-            for path, value in self.changes.items()
-        )
-        return ", ".join(words)
+        return in_words(self.changes)
 
     def of(self, good: Json) -> Json:
         """The good frame, spoilt."""

@@ -49,15 +49,20 @@ class BrokenInitPacket(NamedTuple):
     def what(self) -> str:
         """The changes in words."""
         size = "" if self.width * self.height <= ROOM else f"{self.width}x{self.height}, "
-        return size + ", ".join(
-            f"no {path}" if value is ABSENT else f"{path} {value!r}"
-            for path, value in self.changes.items()
-        )
+        return size + in_words(self.changes)
 
     def packet(self, name: str, generation: int) -> Json:
         """The init packet for the memory `name`."""
         good = init_packet_1_1(name, generation, self.width, self.height, self.slots)
         return changed(good, self.changes)
+
+
+def in_words(changes: dict[str, Any]) -> str:
+    """What is changed, and into what."""
+    return ", ".join(
+        f"no {path}" if value is ABSENT else f"{path} {value!r:.60}"
+        for path, value in changes.items()
+    )
 
 
 def changed(good: Json, changes: dict[str, Any]) -> Json:

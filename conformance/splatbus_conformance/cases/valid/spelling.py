@@ -1,7 +1,7 @@
 """Spell a JSON value in the ways that RFC 8259 allows, without changing it (JSN-6).
 
-Each choice is taken from a `Random`, of which Hypothesis draws the seed: a text takes hundreds of
-choices, and drawn one by one they would take longer than the testee that reads it.
+Each choice is taken from a `Random`: a text takes hundreds, and drawn one by one by Hypothesis they
+would take longer than the testee that reads it.
 """
 
 import itertools
@@ -10,9 +10,6 @@ from collections.abc import Container
 from decimal import Decimal
 from random import Random
 from typing import Any
-
-from hypothesis import strategies as st
-from hypothesis.strategies import SearchStrategy
 
 SHORT_ESCAPES = {
     '"': '\\"',
@@ -42,11 +39,6 @@ LONGEST_PLAIN = 40
 
 class Plain(int):
     """An integer that is always written in plain decimal digits, as REQ-3 asks."""
-
-
-def spelled(value: Any) -> SearchStrategy[str]:
-    """Texts that all mean `value`."""
-    return st.randoms(use_true_random=True).map(lambda random: spell(value, random))
 
 
 def spell(value: Any, random: Random, liberties: Container[str] = LIBERTIES) -> str:

@@ -5,7 +5,8 @@ from functools import cache
 from random import Random
 from typing import Any
 
-from splatbus_schemas import LIMITS, VERSIONS, names, schema
+from splatbus_schemas import LIMITS
+from splatbus_schemas.model.metamodel import metamodel
 
 from splatbus_conformance.wire.json_reading import values
 
@@ -50,21 +51,22 @@ def nested(depth: int) -> Any:
 
 
 @cache
-def known_names() -> frozenset[str]:
-    """Every member name that a schema of any version knows."""
+def _known_names() -> frozenset[str]:
+    """Every member name that any version knows."""
     return frozenset().union(*_known_objects())
 
 
 @cache
 def _known_objects() -> tuple[frozenset[str], ...]:
-    """The member names of each object that a schema of any version knows, optional ones too."""
-    schemas = (schema(message, version) for version in VERSIONS for message in names(version))
-    return tuple({members for each in schemas for members in _properties(each)})
+    """The member names of each object that any version knows, optional ones too."""
+    versions = metamodel()["versions"].values()
+    records = (record for version in versions for record in version["records"].values())
+    return tuple(frozenset(it["name"] for it in record["members"]) for record in records)
 
 
 def _known_beside(present: Set[str]) -> frozenset[str]:
     """The names that mean something in an object with these members."""
-    known = present & known_names()
+    known = present & _known_names()
     return frozenset().union(*(members for members in _known_objects() if members >= known))
 
 
@@ -77,7 +79,7 @@ def _added(
         return value
     members = [(name, _added(each, random, elsewhere, depth + 1)) for name, each in value.items()]
     moved = elsewhere - value.keys() - _known_beside(value.keys())
-    strangers = sorted((set(ODD_NAMES) - known_names()) | moved)
+    strangers = sorted((set(ODD_NAMES) - _known_names()) | moved)
     for name in random.sample(strangers, random.choice((1, 2, 3))):
         deepest = nested(LIMITS["max_json_depth"] - depth)
         members.append((name, random.choice((*ODD_VALUES, deepest))))
@@ -103,13 +105,6 @@ def _names_in(value: Any) -> Iterator[str]:
         yield from value
     for each in _inside(value):
         yield from _names_in(each)
-
-
-def _properties(part: Any) -> Iterator[frozenset[str]]:
-    if isinstance(part, dict) and "properties" in part:
-        yield frozenset(part["properties"])
-    for each in _inside(part):
-        yield from _properties(each)
 
 
 def _inside(value: Any) -> list[Any]:

@@ -15,15 +15,8 @@ from splatbus_conformance.oracle.vectors import (
 )
 from splatbus_conformance.oracle.vectors.layout import text
 
-FILES = {
-    "framing.json": framing.document,
-    "numbers.json": numbers.document,
-    "poses.json": poses.document,
-    "conventions.json": conventions.document,
-    "images.json": images.document,
-    "intrinsics.json": intrinsics.document,
-    "projections.json": projections.document,
-}
+MODULES = (framing, numbers, poses, conventions, images, intrinsics, projections)
+FILES = {f"{it.__name__.rpartition('.')[2]}.json": it.document for it in MODULES}
 
 
 def main(arguments: list[str] | None = None) -> int:

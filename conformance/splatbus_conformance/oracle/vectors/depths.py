@@ -113,23 +113,16 @@ Estimate = Callable[[float, float], float]
 
 def cases() -> list[Json]:
     """Return the cases of `depth`."""
+    estimators = (
+        ("", "harmonic", "inverse_depth", planar_depth, HARMONIC),
+        ("expected: ", "expected", "accumulated_depth", expected_depth, EXPECTED),
+        ("median: ", "median", "depth", surface_depth, SURFACE),
+        ("given: ", "none", "depth", surface_depth, SURFACE),
+    )
     return [
-        *[
-            _case(name, "harmonic", "inverse_depth", given, planar_depth)
-            for name, given in HARMONIC.items()
-        ],
-        *[
-            _case(f"expected: {name}", "expected", "accumulated_depth", given, expected_depth)
-            for name, given in EXPECTED.items()
-        ],
-        *[
-            _case(f"median: {name}", "median", "depth", given, surface_depth)
-            for name, given in SURFACE.items()
-        ],
-        *[
-            _case(f"given: {name}", "none", "depth", given, surface_depth)
-            for name, given in SURFACE.items()
-        ],
+        _case(title + name, estimator, member, given, estimate)
+        for title, estimator, member, estimate, all_given in estimators
+        for name, given in all_given.items()
     ]
 
 

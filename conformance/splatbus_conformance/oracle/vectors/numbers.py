@@ -6,7 +6,12 @@ from splatbus_conformance.oracle.rounding import to_double
 from splatbus_conformance.oracle.vectors import printing
 from splatbus_conformance.oracle.vectors.layout import Json, both, exactly
 
-ACCEPTED = {
+
+def _times(text: str, times: int = 1) -> Json:
+    return {"text": text} if times == 1 else {"text": text, "times": times}
+
+
+ACCEPTED: dict[str, Json] = {
     "zero": "0",
     "minus zero": "-0",
     "minus zero with a fraction": "-0.0",
@@ -38,9 +43,15 @@ ACCEPTED = {
     "just below the smallest normal double": "2.2250738585072011e-308",
     "the largest double": "1.7976931348623157e308",
     "what still rounds to the largest double": "1.797693134862315807e308",
+    "309 digits": [_times("1"), _times("0", 308)],
+    "400 zeros after the point": [_times("0."), _times("0", 400), _times("1")],
+    "a tie until its 800th digit": [
+        _times("1.00000000000000011102230246251565404236316680908203125"),
+        *(_times("0", 746), _times("1")),
+    ],
 }
 
-REJECTED_BY_VALUE = {
+REJECTED_BY_VALUE: dict[str, Json] = {
     "not a number": "NaN",
     "infinity": "Infinity",
     "minus infinity": "-Infinity",
@@ -51,6 +62,7 @@ REJECTED_BY_VALUE = {
     "a string with white space": '" 1"',
     "a string with an underscore": '"1_0"',
     "an empty string": '""',
+    "5,000 digits": [_times("9", 5000)],
 }
 
 REJECTED_BY_GRAMMAR = {
@@ -98,31 +110,13 @@ def document() -> Json:
             "value": exactly("The double nearest to the decimal, ties to even.", "ACC-14")
         },
         "cases": [
-            *[_accepted(name, spelling) for name, spelling in ACCEPTED.items()],
-            *_accepted_in_pieces(),
-            *[_rejected(name, spelling, "JSN-4") for name, spelling in REJECTED_BY_VALUE.items()],
-            _rejected("5,000 digits", [_times("9", 5000)], "JSN-4"),
-            *[_rejected(name, spelling, "JSN-1") for name, spelling in REJECTED_BY_GRAMMAR.items()],
-            *[_optional(name, spelling) for name, spelling in OPTIONAL.items()],
+            *[_case("accepted", "JSN-6", *given) for given in ACCEPTED.items()],
+            *[_case("rejected", "JSN-4", *given) for given in REJECTED_BY_VALUE.items()],
+            *[_case("rejected", "JSN-1", *given) for given in REJECTED_BY_GRAMMAR.items()],
+            *[_case("optional", "JSN-11", *given) for given in OPTIONAL.items()],
             *printing.cases(),
         ],
     }
-
-
-def _accepted_in_pieces() -> list[Json]:
-    return [
-        _accepted("309 digits", [_times("1"), _times("0", 308)]),
-        _accepted("400 zeros after the point", [_times("0."), _times("0", 400), _times("1")]),
-        _accepted(
-            "a tie until its 800th digit",
-            [_times("1.00000000000000011102230246251565404236316680908203125"), _times("0", 746),
-             _times("1")],
-        ),
-    ]  # fmt: skip
-
-
-def _times(text: str, times: int = 1) -> Json:
-    return {"text": text} if times == 1 else {"text": text, "times": times}
 
 
 def _spelled(spelling: Json) -> str:
@@ -137,30 +131,6 @@ def _value(spelling: Json) -> Json:
     return both(-0.0 if value == 0 and _spelled(spelling).startswith("-") else value)
 
 
-def _accepted(name: str, spelling: Json) -> Json:
-    return {
-        "name": name,
-        "requirement": "JSN-6",
-        "spelling": spelling,
-        "verdict": "accepted",
-        "value": _value(spelling),
-    }
-
-
-def _rejected(name: str, spelling: Json, requirement: str) -> Json:
-    return {
-        "name": name,
-        "requirement": requirement,
-        "spelling": spelling,
-        "verdict": "rejected",
-    }
-
-
-def _optional(name: str, spelling: Json) -> Json:
-    return {
-        "name": name,
-        "requirement": "JSN-11",
-        "spelling": spelling,
-        "verdict": "optional",
-        "value": _value(spelling),
-    }
+def _case(verdict: str, requirement: str, name: str, spelling: Json) -> Json:
+    case = {"name": name, "requirement": requirement, "spelling": spelling, "verdict": verdict}
+    return case if verdict == "rejected" else {**case, "value": _value(spelling)}

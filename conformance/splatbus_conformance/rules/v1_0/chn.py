@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from splatbus_conformance.rules import Breach, Rule, Sighting, about, rule
+from splatbus_conformance.rules import Breach, Sighting, about, rule
 from splatbus_conformance.rules.v1_1.mem import capabilities, kind_of_memory
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import show
@@ -17,12 +17,10 @@ def silent_client(conversation: Conversation) -> Iterator[Sighting]:
         if message.value is None:
             continue
         text = f"a message of type {show(message.type)} on the IPC channel, without hello"
-        yield about(conversation, message, "CHN-6", Breach("sent-without-hello", text))
+        yield about(message, "CHN-6", Breach("sent-without-hello", text))
     stream = conversation.streams["c2s"]
     if not stream.offset and not stream.rest:
-        yield Sighting(
-            "CHN-6", "client", conversation.channel, conversation.number, conversation.opened
-        )
+        yield Sighting("CHN-6", "client", conversation.opened)
 
 
 @rule("CHN-4", "CHN-8")
@@ -42,16 +40,16 @@ def one_init_packet(conversation: Conversation) -> Iterator[Sighting]:
             continue
         if begun:
             text = "a second packet on a connection that speaks 1.0"
-            yield about(conversation, message, "CHN-8", Breach("further-packet", text))
+            yield about(message, "CHN-8", Breach("further-packet", text))
         elif message.kind != "init_packet":
             stray = stray or message
         else:
             begun = True
-            yield about(conversation, message, "CHN-8")
+            yield about(message, "CHN-8")
             if kind_of_memory(message) != "host_shm":
                 text = "a packet that is no init packet came first"
                 wrong = Breach("another-packet-first", text) if stray else None
-                yield about(conversation, stray or message, "CHN-4", wrong)
+                yield about(stray or message, "CHN-4", wrong)
 
 
 @rule("CHN-5", "NEG-11")
@@ -65,14 +63,11 @@ def host_memory_only_for_those_who_ask(conversation: Conversation) -> Iterator[S
             if listed is not None:
                 text = "host_shm is announced, which hello does not list"
                 wrong = None if "host_shm" in listed else Breach("not-listed", text)
-                yield about(conversation, message, "NEG-11", wrong, "/memory/kind")
+                yield about(message, "NEG-11", wrong, "/memory/kind")
         elif conversation.hello is not None:
             wrong = Breach("before-hello", "host_shm is announced before hello")
-            yield about(conversation, message, "NEG-11", wrong, "/memory/kind")
+            yield about(message, "NEG-11", wrong, "/memory/kind")
         else:
             text = "host_shm is announced on a connection that speaks 1.0"
             wrong = Breach("host-memory-announced", text)
-            yield about(conversation, message, "CHN-5", wrong, "/memory/kind")
-
-
-RULES: tuple[Rule, ...] = (silent_client, one_init_packet, host_memory_only_for_those_who_ask)
+            yield about(message, "CHN-5", wrong, "/memory/kind")

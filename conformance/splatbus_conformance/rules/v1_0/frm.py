@@ -3,11 +3,11 @@
 import math
 from collections.abc import Iterator
 
-from splatbus_conformance.rules import Breach, Rule, Sighting, about, rule
+from splatbus_conformance.rules import Breach, Sighting, about, rule
 from splatbus_conformance.wire.conversation import SENDER, Conversation
 from splatbus_conformance.wire.first_bytes import astray, recognised
 from splatbus_conformance.wire.json_reading import read
-from splatbus_conformance.wire.packets import HEADER
+from splatbus_conformance.wire.packets import HEADER, Splitter
 from splatbus_conformance.wire.recording import Direction
 
 
@@ -15,7 +15,7 @@ from splatbus_conformance.wire.recording import Direction
 def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
     """FRM-2: every header announces a payload within the limits."""
     for message in conversation.messages:
-        yield about(conversation, message, "FRM-2")
+        yield about(message, "FRM-2")
     for direction, stream in conversation.streams.items():
         if stream.refused is not None:
             length = int.from_bytes(stream.rest[:4], "little")
@@ -26,7 +26,7 @@ def length_within_limits(conversation: Conversation) -> Iterator[Sighting]:
             if known := strayed or recognised(stream.rest):
                 text += f": {known}"
             wrong = Breach("out-of-range", text)
-            yield _of_stream(conversation, direction, "FRM-2", stream.began, wrong)
+            yield _of_stream(stream, direction, "FRM-2", stream.began, wrong)
 
 
 @rule("FRM-1")
@@ -41,7 +41,7 @@ def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
         if _counts_its_header(conversation, direction):
             text = "the length counts the four bytes of the header, too"
             wrong = Breach("header-counted", text)
-            yield _of_stream(conversation, direction, "FRM-1", stream.began, wrong)
+            yield _of_stream(stream, direction, "FRM-1", stream.began, wrong)
             continue
         if stream.refused is not None:
             continue
@@ -50,9 +50,9 @@ def whole_packets(conversation: Conversation) -> Iterator[Sighting]:
         if stream.rest and by_itself and direction not in conversation.died:
             text = f"the stream ends {len(stream.rest)} bytes into a packet"
             wrong = Breach("cut-short", text)
-            yield _of_stream(conversation, direction, "FRM-1", ended[direction], wrong)
+            yield _of_stream(stream, direction, "FRM-1", ended[direction], wrong)
         elif stream.offset:
-            yield _of_stream(conversation, direction, "FRM-1", stream.began)
+            yield _of_stream(stream, direction, "FRM-1", stream.began)
 
 
 def _counts_its_header(conversation: Conversation, direction: Direction) -> bool:
@@ -66,18 +66,15 @@ def _counts_its_header(conversation: Conversation, direction: Direction) -> bool
 
 
 def _of_stream(
-    conversation: Conversation,
+    stream: Splitter,
     direction: Direction,
     requirement: str,
     t: float,
     breach: Breach | None = None,
 ) -> Sighting:
-    stream = conversation.streams[direction]
     return Sighting(
         requirement,
         SENDER[direction],
-        conversation.channel,
-        conversation.number,
         t,
         breach,
         offset=stream.offset,
@@ -98,7 +95,4 @@ def header_with_payload(conversation: Conversation) -> Iterator[Sighting]:
             late = 1000 * (packet.ended - packet.began)
             text = f"the header arrived alone, its payload {late:.1f} ms later"
             apart = Breach("header-apart", text)
-        yield about(conversation, message, "FRM-7", apart)
-
-
-RULES: tuple[Rule, ...] = (length_within_limits, whole_packets, header_with_payload)
+        yield about(message, "FRM-7", apart)

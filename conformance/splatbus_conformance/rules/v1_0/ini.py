@@ -1,16 +1,14 @@
 """Rules on the init packet's members of 1.0 (spec 1.0 chapter 4)."""
 
 from collections.abc import Iterator
-from typing import Any
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
+from splatbus_conformance.rules import Breach, Json, Judgement, Sighting, judged, rule
 from splatbus_conformance.rules.form import form
 from splatbus_conformance.wire.conversation import Conversation
 from splatbus_conformance.wire.json_values import is_handle, show, whole
 
-Json = dict[str, Any]
 MAX_SIZE: int = LIMITS["max_image_size"]
 HANDLES = ("mem_color", "mem_depth", "evt_done")
 OF_META = {
@@ -28,7 +26,7 @@ PIXEL_BYTES = {"Color": 16, "Depth": 4}
 def members_of_1_0(conversation: Conversation) -> Iterator[Sighting]:
     """INI-1 to INI-7: members, sizes, formats, pitches, offsets, device and handles."""
     for message in conversation.of("init_packet"):
-        yield from judged(conversation, message, layout(message.value or {}))
+        yield from judged(message, layout(message.members))
 
 
 def layout(value: Json) -> Iterator[Judgement]:
@@ -68,6 +66,3 @@ def _in_cuda_memory(value: Json) -> bool:
     if "memory" not in value:
         return "version" not in value
     return isinstance(value["memory"], dict) and value["memory"].get("kind") == "cuda_ipc"
-
-
-RULES: tuple[Rule, ...] = (members_of_1_0,)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Sighting, judged, rule
 from splatbus_conformance.wire.conversation import Conversation
 
 TEXT = ("JSN-1", "JSN-2", "JSN-3", "JSN-4", "JSN-5", "JSN-12")
@@ -17,9 +17,4 @@ def one_strict_object(conversation: Conversation) -> Iterator[Sighting]:
             Judgement(name, Breach(code, text), pointer)
             for name, code, text, pointer in message.faults
         ]
-        yield from judged(
-            conversation, message, [*found, *kept] if message.value is not None else found
-        )
-
-
-RULES: tuple[Rule, ...] = (one_strict_object,)
+        yield from judged(message, [*found, *kept] if message.value is not None else found)

@@ -1,18 +1,13 @@
 """Rules on poses (spec 1.0 section 6.1)."""
 
-import math
 from collections.abc import Iterator
-from typing import Any
 
-from splatbus_schemas import LIMITS
-
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
-from splatbus_conformance.rules.form import form
+from splatbus_conformance.rules import Breach, Json, Judgement, Sighting, about, judged, rule
+from splatbus_conformance.rules.form import form, unit_norm
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import is_number, show, unspeakable
+from splatbus_conformance.wire.json_values import is_number, show, unspeakable, within
 from splatbus_conformance.wire.message_kinds import CLIENT_1_0, POSES
 
-Json = dict[str, Any]
 STAMPED = (*CLIENT_1_0, "object_pose")
 MEMBERS = {"position": "xyz", "rotation": "xyzw"}
 
@@ -22,7 +17,7 @@ def well_formed_pose(conversation: Conversation) -> Iterator[Sighting]:
     """POS-1 to POS-4: members and their order, magnitude of positions, norm of rotations."""
     if conversation.channel == "msg":
         for message in conversation.of(*POSES):
-            yield from judged(conversation, message, pose(message.value or {}))
+            yield from judged(message, pose(message.members))
 
 
 @rule("POS-8")
@@ -30,8 +25,8 @@ def timestamp_is_a_number(conversation: Conversation) -> Iterator[Sighting]:
     """POS-8: a timestamp is a number."""
     for message in _stamped(conversation):
         version = "1.0" if message.kind in CLIENT_1_0 else "1.1"
-        shown = form(message.value or {}, str(message.kind), "POS-8", version=version)
-        yield from judged(conversation, message, shown)
+        shown = form(message.members, str(message.kind), "POS-8", version=version)
+        yield from judged(message, shown)
 
 
 @rule("POS-9")
@@ -46,7 +41,7 @@ def timestamps_do_not_decrease(conversation: Conversation) -> Iterator[Sighting]
             if before is not None and timestamp < before:
                 text = f"timestamp is {show(timestamp)} after {show(before)}"
                 wrong = Breach("went-back", text)
-            yield about(conversation, message, "POS-9", wrong, "/timestamp")
+            yield about(message, "POS-9", wrong, "/timestamp")
             before = timestamp
 
 
@@ -55,9 +50,7 @@ def pose(value: Json) -> Iterator[Judgement]:
     kind = value.get("type")
     shows = ["POS-1", *(["POS-2"] if isinstance(value.get("position"), dict) else [])]
     yield from form(value, str(kind) if kind in POSES else POSES[0], *shows, version="1.0")
-    rotation = value.get("rotation")
-    if isinstance(rotation, dict) and set("xyzw") <= set(rotation):
-        yield from unit_norm([rotation[name] for name in "xyzw"], "POS-3")
+    yield from unit_norm([within(value, "rotation", name) for name in "xyzw"], "POS-3")
     for name, members in MEMBERS.items():
         part = value.get(name)
         order = "".join(it for it in part if it in set(members)) if isinstance(part, dict) else ""
@@ -67,22 +60,7 @@ def pose(value: Json) -> Iterator[Judgement]:
             yield Judgement("POS-4", wrong, f"/{name}")
 
 
-def unit_norm(
-    rotation: list[Any], requirement: str, pointer: str = "/rotation"
-) -> Iterator[Judgement]:
-    """Whether four numbers are a unit quaternion, as POS-3 says."""
-    if all(is_number(part) and not unspeakable(part) for part in rotation):
-        norm = math.hypot(*map(float, rotation))
-        tolerance = LIMITS["rotation_norm_tolerance"]
-        off = not abs(norm - 1) <= tolerance
-        text = f"the norm of rotation is {norm:.6g}, further than {tolerance} from 1"
-        yield Judgement(requirement, Breach("not-unit-norm", text) if off else None, pointer)
-
-
 def _stamped(conversation: Conversation) -> Iterator[Message]:
     for message in conversation.of(*STAMPED):
-        if "timestamp" in (message.value or {}) and conversation.channel == "msg":
+        if "timestamp" in message.members and conversation.channel == "msg":
             yield message
-
-
-RULES: tuple[Rule, ...] = (well_formed_pose, timestamp_is_a_number, timestamps_do_not_decrease)

@@ -71,7 +71,7 @@ def caused(conversation: Conversation) -> tuple[Blamed, ...]:
 def _is_named_as(answer: Message, message: Message) -> bool:
     """Whether an answer has the id of a message, if that can be read: else it is for another."""
     unread = message.value is None or bool(message.faults)
-    return unread or (answer.value or {}).get("id") == (message.value or {}).get("id")
+    return unread or answer.members.get("id") == message.members.get("id")
 
 
 def _may_be_for(answer: Message, message: Message) -> bool:

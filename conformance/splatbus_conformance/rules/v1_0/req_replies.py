@@ -7,23 +7,21 @@ from typing import Any, NamedTuple
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Sighting, about, judged, kept, rule
 from splatbus_conformance.rules.exchanges import exchanges, valid_request
-from splatbus_conformance.rules.form import form, greeting
+from splatbus_conformance.rules.form import form, greeting, unit_norm
 from splatbus_conformance.rules.v1_0.ini import size
-from splatbus_conformance.rules.v1_0.pos import pose, unit_norm
+from splatbus_conformance.rules.v1_0.pos import pose
 from splatbus_conformance.rules.v1_0.req_blame import caused, without_reply
 from splatbus_conformance.rules.v1_1.obj import STEERING
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import (
     array,
     integer_in,
-    numbers,
     show,
     whole,
 )
 from splatbus_conformance.wire.message_kinds import (
-    CLIENT_1_0,
     CLIENT_1_1,
     CLOSING_ERRORS,
     POSES,
@@ -32,8 +30,8 @@ from splatbus_conformance.wire.message_kinds import (
 )
 
 MAX_SIZE: int = LIMITS["max_image_size"]
-JUDGED = {**STEERING, "hello": greeting}
-"""What other messages show, which a server may close on."""
+JUDGED = {**dict.fromkeys(POSES, pose), **STEERING, "hello": greeting}
+"""What messages show that are no requests, which a server may close on."""
 
 
 class Size(NamedTuple):
@@ -49,9 +47,9 @@ def well_formed_reply(conversation: Conversation) -> Iterator[Sighting]:
     for question, answer, *_ in exchanges(conversation).pairs:
         if answer.value is not None and answer.kind != "error":
             if question.kind == "get_viewport_size":
-                yield from judged(conversation, answer, viewport_size(answer.value))
+                yield from judged(answer, viewport_size(answer.value))
             elif question.kind == "get_camera_pose":
-                yield from judged(conversation, answer, camera(answer.value))
+                yield from judged(answer, camera(answer.value))
 
 
 @rule("REQ-4")
@@ -80,7 +78,7 @@ def size_of_the_images(conversation: Conversation) -> Iterator[Sighting]:
             text = f"the size is told to be {list(told)}, the init packet said {list(before)}"
             wrong = Breach("wrong-size", text)
         if wrong or before:
-            yield about(conversation, answer, "REQ-4", wrong, "/viewport_size")
+            yield about(answer, "REQ-4", wrong, "/viewport_size")
 
 
 @rule("REQ-7", "NEG-29")
@@ -96,11 +94,11 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
         requirement = "NEG-29" if pair.asked_after_hello and negotiated else "REQ-7"
         text = f"this answers a request after {pair.late} that had no answer yet"
         late = Breach("out-of-order", text)
-        yield about(conversation, pair.answer, requirement, late if pair.late else None)
+        yield about(pair.answer, requirement, late if pair.late else None)
     for extra in caused(conversation):
         if extra.requirement == "REQ-7":
             text = "a reply that nothing asked for"
-            yield about(conversation, extra.answer, "REQ-7", Breach("unasked-reply", text))
+            yield about(extra.answer, "REQ-7", Breach("unasked-reply", text))
     if found.unanswered and _left_by_the_server(conversation):
         hello = conversation.hello
         for question in found.unanswered:
@@ -108,7 +106,7 @@ def one_answer_each_in_order(conversation: Conversation) -> Iterator[Sighting]:
             requirement = "NEG-29" if after and negotiated else "REQ-7"
             text = "the server ended the connection without answering this request"
             wrong = Breach("not-answered", text)
-            yield about(conversation, question, requirement, wrong, peer="server")
+            yield about(question, requirement, wrong, peer="server")
 
 
 @rule("CHN-11", "JSN-8", "POS-10", "REQ-8", "REQ-9")
@@ -122,15 +120,15 @@ def nothing_but_replies(conversation: Conversation) -> Iterator[Sighting]:
             if cause is not None:
                 text = f"a packet after a message of type {show(cause.type)}"
                 wrong = Breach("answered", text)
-            yield about(conversation, answer, requirement, wrong)
+            yield about(answer, requirement, wrong)
             causes.add(cause.packet.offset if cause else None)
     if conversation.hello is None:
         for pair in found.pairs:
-            yield about(conversation, pair.answer, "CHN-11")
+            yield about(pair.answer, "CHN-11")
     for message in conversation.sent_by("client"):
         left_alone = without_reply(message)
         if conversation.channel == "msg" and left_alone and message.packet.offset not in causes:
-            yield about(conversation, message, left_alone, peer="server")
+            yield about(message, left_alone, peer="server")
 
 
 @rule("NEG-28")
@@ -139,9 +137,7 @@ def typed_replies(conversation: Conversation) -> Iterator[Sighting]:
     for pair in exchanges(conversation).pairs:
         spoiled = pair.answer.value is None or pair.answer.kind == "error"
         if pair.welcomed and not spoiled:
-            yield from judged(
-                conversation, pair.answer, _typed(pair.question.value or {}, pair.answer)
-            )
+            yield from judged(pair.answer, _typed(pair.question.members, pair.answer))
 
 
 @rule("CHN-16")
@@ -158,9 +154,9 @@ def answers_before_the_end(conversation: Conversation) -> Iterator[Sighting]:
         if missing and _faultless(conversation):
             text = f"the server closed with {len(missing)} requests unanswered"
             wrong = Breach("not-answered", text)
-            yield about(conversation, missing[0], "CHN-16", wrong, peer="server")
+            yield about(missing[0], "CHN-16", wrong, peer="server")
         elif found.pairs and not missing:
-            yield about(conversation, found.pairs[-1].answer, "CHN-16")
+            yield about(found.pairs[-1].answer, "CHN-16")
 
 
 def viewport_size(value: dict[str, Any]) -> Iterator[Judgement]:
@@ -175,12 +171,11 @@ def viewport_size(value: dict[str, Any]) -> Iterator[Judgement]:
 def camera(value: dict[str, Any]) -> Iterator[Judgement]:
     """What the reply to `get_camera_pose` shows of REQ-5."""
     yield from form(value, "camera_pose_reply", "REQ-5", version="1.0")
-    if numbers(value.get("rotation"), 4):
-        yield from unit_norm(value["rotation"], "REQ-5")
+    yield from unit_norm(value.get("rotation"), "REQ-5")
 
 
 def _typed(question: dict[str, Any], answer: Message) -> Iterator[Judgement]:
-    value = answer.value or {}
+    value = answer.members
     kind = REPLY_TO[str(question["type"])]
     if answer.type != kind:
         has = show(value["type"]) if "type" in value else "missing"
@@ -195,7 +190,7 @@ def _typed(question: dict[str, Any], answer: Message) -> Iterator[Judgement]:
 
 def size_told(answer: Message) -> tuple[int, int] | None:
     """The size that a reply tells, if it does."""
-    if answer.value is None or any(j.breach for j in viewport_size(answer.value)):
+    if answer.value is None or not kept(viewport_size(answer.value)):
         return None
     width, height = (whole(part) for part in answer.value["viewport_size"])
     return None if width is None or height is None else (width, height)
@@ -213,7 +208,7 @@ def _sizes(recording: Conversation) -> list[Size]:
         asked_for: set[tuple[object, object]] = set()
         replies = ["viewport_size"] if each.of("set_viewport") else []
         for message in each.of("init_packet", "set_viewport", *replies):
-            value = message.value or {}
+            value = message.members
             known = None
             if message.kind == "init_packet":
                 known = size(value.get("meta"))
@@ -267,7 +262,7 @@ def _complete(conversation: Conversation) -> bool:
 def _faultless(conversation: Conversation) -> bool:
     """The client gave its server no reason to close, and was told of none."""
     told = any(
-        (message.value or {}).get("code") in CLOSING_ERRORS for message in conversation.of("error")
+        message.members.get("code") in CLOSING_ERRORS for message in conversation.of("error")
     )
     return not told and all(_sound(message) for message in conversation.sent_by("client"))
 
@@ -275,20 +270,8 @@ def _faultless(conversation: Conversation) -> bool:
 def _sound(message: Message) -> bool:
     if message.value is None or message.faults:
         return False
-    if message.kind in POSES:
-        return all(judgement.breach is None for judgement in pose(message.value or {}))
     if message.kind in REQUESTS:
         return valid_request(message)
     if message.kind in JUDGED:
-        return not any(j.breach for j in JUDGED[message.kind](message.value))
-    return message.kind in CLIENT_1_0 or message.kind in CLIENT_1_1
-
-
-RULES: tuple[Rule, ...] = (
-    well_formed_reply,
-    size_of_the_images,
-    one_answer_each_in_order,
-    nothing_but_replies,
-    typed_replies,
-    answers_before_the_end,
-)
+        return kept(JUDGED[message.kind](message.value))
+    return message.kind in CLIENT_1_1

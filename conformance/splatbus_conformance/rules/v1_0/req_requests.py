@@ -1,12 +1,11 @@
 """Rules on what a client asks (spec 1.0 section 6.2, spec 1.1 chapters 7 to 9)."""
 
-import itertools
 import math
 from collections.abc import Iterator
 
 from splatbus_schemas import LIMITS
 
-from splatbus_conformance.rules import Breach, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Sighting, about, deaf, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges, request
 from splatbus_conformance.wire.conversation import Conversation
 from splatbus_conformance.wire.json_values import show, strings
@@ -26,7 +25,7 @@ def well_formed_request(conversation: Conversation) -> Iterator[Sighting]:
     if conversation.channel == "msg":
         for message, hello, _ in conversation.placed(*REQUESTS):
             if message.kind in (REQUESTS_1_0 if hello is None else REQUESTS):
-                yield from judged(conversation, message, request(message))
+                yield from judged(message, request(message))
 
 
 @rule("REQ-14")
@@ -41,7 +40,7 @@ def defined_types(conversation: Conversation) -> Iterator[Sighting]:
     for message, hello, welcome in conversation.placed():
         if message.sender == "server" or message.value is None:
             continue
-        versions = strings((hello.value or {}).get("versions")) if hello else ["1.0"]
+        versions = strings(hello.members.get("versions")) if hello else ["1.0"]
         if versions is not None and set(versions) <= KNOWN_VERSIONS:
             wrong = None
             if message.kind not in CLIENT_1_0 and message.kind not in CLIENT_1_1:
@@ -49,7 +48,7 @@ def defined_types(conversation: Conversation) -> Iterator[Sighting]:
                     continue
                 kind = show(message.value["type"]) if "type" in message.value else "missing"
                 wrong = Breach("unknown-type", f"type is {kind}, which no version defines")
-            yield about(conversation, message, "REQ-14", wrong, "/type")
+            yield about(message, "REQ-14", wrong, "/type")
 
 
 @rule("REQ-12")
@@ -58,15 +57,16 @@ def asks_again_later(conversation: Conversation) -> Iterator[Sighting]:
 
     Of a client that asks while it waits for a reply, a question may have been on its way.
     """
-    pairs = exchanges(conversation).pairs
+    found = exchanges(conversation)
     unknown = {
         answer.packet.offset
-        for _, answer, *_ in pairs
-        if not answer.faults and (answer.value or {}).get("viewport_size") == [0, 0]
+        for _, answer, *_ in found.pairs
+        if not answer.faults and answer.members.get("viewport_size") == [0, 0]
     }
+    later = [*(pair.question for pair in found.pairs[1:]), *found.unanswered]
     asks_ahead = any(
-        later.question.packet.began < pair.answer.packet.ended
-        for pair, later in itertools.pairwise(pairs)
+        question.packet.began < pair.answer.packet.ended
+        for pair, question in zip(found.pairs, later, strict=False)
     )
     told: float | None = None
     for message in conversation.messages if unknown and not asks_ahead else ():
@@ -77,7 +77,7 @@ def asks_again_later(conversation: Conversation) -> Iterator[Sighting]:
             soon = waited < LIMITS["ask_again_min_seconds"]
             text = f"asked again {1000 * waited:.1f} ms after the size was told to be [0,0]"
             wrong = Breach("too-soon", text) if soon else None
-            yield about(conversation, message, "REQ-12", wrong)
+            yield about(message, "REQ-12", wrong)
             told = None
 
 
@@ -87,7 +87,7 @@ def waits_have_a_limit(conversation: Conversation) -> Iterator[Sighting]:
 
     It is held to that once 10 seconds and the 5 that a close may take have passed.
     """
-    if conversation.streams["s2c"].refused is not None:
+    if deaf(conversation):
         return
     limit = LIMITS["reply_seconds"] + LIMITS["close_seconds"]
     found = exchanges(conversation)
@@ -100,15 +100,7 @@ def waits_have_a_limit(conversation: Conversation) -> Iterator[Sighting]:
             continue
         if sent[-1].packet.ended >= asked + limit:
             text = f"still there {sent[-1].packet.ended - asked:.0f} s after an unanswered request"
-            yield about(conversation, sent[-1], "CHN-15", Breach("not-closed", text))
+            yield about(sent[-1], "CHN-15", Breach("not-closed", text))
             return
         if conversation.ended.get("c2s", math.inf) < asked + limit:
-            yield about(conversation, question, "CHN-15")
-
-
-RULES: tuple[Rule, ...] = (
-    well_formed_request,
-    defined_types,
-    asks_again_later,
-    waits_have_a_limit,
-)
+            yield about(question, "CHN-15")

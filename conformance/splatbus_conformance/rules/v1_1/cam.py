@@ -5,15 +5,13 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Json, Judgement, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import exchanges
-from splatbus_conformance.rules.form import form
+from splatbus_conformance.rules.form import far_beyond_near, form
 from splatbus_conformance.rules.v1_0.req_replies import sizes, sizes_at
-from splatbus_conformance.rules.v1_1.mem import capabilities
+from splatbus_conformance.rules.v1_1.mem import lists
 from splatbus_conformance.wire.conversation import Conversation, Message
-from splatbus_conformance.wire.json_values import finite, is_number, show, whole, within
-
-Json = dict[str, Any]
+from splatbus_conformance.wire.json_values import is_number, show, whole, within
 
 
 @rule("CAM-1", "CAM-4")
@@ -21,7 +19,7 @@ def well_formed_lens_and_tag(conversation: Conversation) -> Iterator[Sighting]:
     """CAM-1, CAM-4: the members that 1.1 adds to `camera_pose`."""
     for message, _, welcome in conversation.placed("camera_pose"):
         if welcome is not None:
-            yield from judged(conversation, message, additions(message.value or {}))
+            yield from judged(message, additions(message.members))
 
 
 @rule("CAM-4", "CAM-8")
@@ -30,27 +28,27 @@ def cameras_have_a_lens(conversation: Conversation) -> Iterator[Sighting]:
 
     The size of the images is known once an init packet was sent, on whichever connection.
     """
-    if "intrinsics" not in (capabilities(conversation.welcome) or ()):
+    if not lists(conversation.welcome, "intrinsics"):
         return
     announced = sizes(conversation)
     for question, answer, *_, welcomed, _ in exchanges(conversation).pairs:
-        value = answer.value or {}
+        value = answer.members
         if not (welcomed and question.kind == "get_camera_pose" and answer.kind == "camera"):
             continue
         known, allowed = sizes_at(announced, question.packet.ended)
         if "intrinsics" not in value:
             if known:
                 breach = Breach("missing-member", "the reply has no intrinsics")
-                yield about(conversation, answer, "CAM-8", breach, "/intrinsics")
+                yield about(answer, "CAM-8", breach, "/intrinsics")
             continue
         given = value["intrinsics"]
-        yield from judged(conversation, answer, lens(value, "camera"))
+        yield from judged(answer, lens(value, "camera"))
         size = tuple(whole(within(given, name)) for name in ("width", "height"))
         wrong = None
         if None not in size and known and size not in allowed:
             text = f"the intrinsics are of {list(size)}, the init packet said {list(known)}"
             wrong = Breach("wrong-size", text)
-        yield about(conversation, answer, "CAM-8", wrong, "/intrinsics")
+        yield about(answer, "CAM-8", wrong, "/intrinsics")
 
 
 class _Look(NamedTuple):
@@ -80,11 +78,11 @@ def tags_come_back(conversation: Conversation) -> Iterator[Sighting]:
         seen.add(look)
         asked = tagged.get(look)
         if first and asked is not None and asked.packet.ended < message.packet.ended:
-            tag = (asked.value or {})["tag"]
+            tag = asked.members["tag"]
             has = show(camera["tag"]) if "tag" in camera else "missing"
             text = f"tag is {has}; the pose of this camera has {show(tag)}"
             wrong = None if camera.get("tag") == tag else Breach("another-tag", text)
-            yield about(conversation, message, "CAM-2", wrong, "/camera/tag")
+            yield about(message, "CAM-2", wrong, "/camera/tag")
 
 
 @rule("CAM-3")
@@ -98,7 +96,7 @@ def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
     sent: dict[str, list[float]] = {}
     for each in conversation.beside or [conversation]:
         for message in each.of("camera_pose"):
-            tag = (message.value or {}).get("tag")
+            tag = message.members.get("tag")
             if isinstance(tag, str):
                 sent.setdefault(tag, []).append(message.packet.ended)
     came: Counter[str] = Counter()
@@ -110,7 +108,7 @@ def tags_come_back_once(conversation: Conversation) -> Iterator[Sighting]:
             came[tag] += 1
             text = f"tag {show(tag)} comes {came[tag]} times, {times} poses before it had it"
             wrong = Breach("too-often", text) if came[tag] > times else None
-            yield about(conversation, message, "CAM-3", wrong, "/camera/tag")
+            yield about(message, "CAM-3", wrong, "/camera/tag")
 
 
 def additions(value: Json) -> Iterator[Judgement]:
@@ -124,15 +122,12 @@ def additions(value: Json) -> Iterator[Judgement]:
 def lens(value: Json, kind: str) -> Iterator[Judgement]:
     """What the intrinsics in a message of this kind show of CAM-4."""
     yield from form(value, kind, "CAM-4")
-    near, far = (finite(within(value, "intrinsics", name)) for name in ("near", "far"))
-    if near is not None and far is not None and far <= near:
-        wrong = Breach("far-before-near", f"far is {show(far)}, near {show(near)}")
-        yield Judgement("CAM-4", wrong, "/intrinsics/far")
+    yield from far_beyond_near(value.get("intrinsics"), "CAM-4", "/intrinsics")
 
 
 def _camera(message: Message) -> Json:
     """The camera of a `frame`; of no members where there is none."""
-    camera = (message.value or {}).get("camera")
+    camera = message.members.get("camera")
     return camera if isinstance(camera, dict) else {}
 
 
@@ -143,7 +138,7 @@ def _only_once(recording: Conversation) -> dict[_Look, Message]:
     for each in recording.beside or [recording]:
         refused = bool(each.of("error"))
         for message, _, welcome in each.placed("camera_pose"):
-            value = message.value or {}
+            value = message.members
             look, tag = _look(value, "xyz", "xyzw"), value.get("tag")
             sure = welcome is not None and isinstance(tag, str) and not refused
             if look is not None:
@@ -162,11 +157,3 @@ def _look(value: Json, *names: str) -> _Look | None:
             return None
         parts.append(numbers)
     return _Look(*parts)
-
-
-RULES: tuple[Rule, ...] = (
-    well_formed_lens_and_tag,
-    cameras_have_a_lens,
-    tags_come_back,
-    tags_come_back_once,
-)

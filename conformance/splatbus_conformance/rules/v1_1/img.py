@@ -2,17 +2,24 @@
 
 from collections import Counter
 from collections.abc import Iterator
-from typing import Any
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
-from splatbus_conformance.rules.form import form
+from splatbus_conformance.rules import (
+    Breach,
+    Json,
+    Judgement,
+    Sighting,
+    about,
+    deaf,
+    greeted,
+    judged,
+    rule,
+)
+from splatbus_conformance.rules.form import far_beyond_near, form, formed, growing, unit_norm
 from splatbus_conformance.rules.v1_0.ini import size
-from splatbus_conformance.rules.v1_0.pos import unit_norm
-from splatbus_conformance.rules.v1_1.mem import announced, capabilities
+from splatbus_conformance.rules.v1_1.mem import announced, capabilities, lists
 from splatbus_conformance.wire.conversation import Conversation
-from splatbus_conformance.wire.json_values import as_cut, finite, numbers, show, whole
+from splatbus_conformance.wire.json_values import as_cut, show, whole, within
 
-Json = dict[str, Any]
 Image = tuple[int | None, int | None]
 """Generation and number of an image."""
 
@@ -22,19 +29,17 @@ def well_formed_frame(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-1: the members of a `frame`, slots and size as announced, and `seq` that grows."""
     memory = announced(conversation)
     newest = -1
-    for message, hello, _ in conversation.placed("frame"):
-        if hello is not None:
-            value = message.value or {}
-            offset = message.packet.offset
-            announcing = [
-                packet.message.value or {}
-                for packet in memory
-                if packet.message.packet.offset < offset
-                and packet.generation == value.get("generation")
-            ]
-            described = announcing[-1] if announcing else {}
-            yield from judged(conversation, message, frame(value, described, newest))
-            newest = max(newest, whole(value.get("seq"), 0) or 0)
+    for message in greeted(conversation, "frame"):
+        value = message.members
+        announcing = [
+            packet.message.members
+            for packet in memory
+            if packet.message.packet.offset < message.packet.offset
+            and packet.generation == value.get("generation")
+        ]
+        described = announcing[-1] if announcing else {}
+        yield from judged(message, frame(value, described, newest))
+        newest = max(newest, whole(value.get("seq"), 0) or 0)
 
 
 @rule("IMG-2")
@@ -49,7 +54,7 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
     lent: Image | None = None
     told = ("opened", "closed", "open_failed", "release", "frame")
     for message, hello, _ in conversation.placed(*told):
-        value = message.value or {}
+        value = message.members
         generation = whole(value.get("generation"))
         if message.kind == "opened":
             opened.add(generation)
@@ -65,7 +70,7 @@ def lent_one_at_a_time(conversation: Conversation) -> Iterator[Sighting]:
             elif lent is not None and None not in lent:
                 text = f"image {lent[1]} of generation {lent[0]} has not been released"
                 wrong = Breach("not-released", text)
-            yield about(conversation, message, "IMG-2", wrong)
+            yield about(message, "IMG-2", wrong)
             lent = None if generation in given_up else (generation, whole(value.get("seq")))
 
 
@@ -77,7 +82,7 @@ def frames_are_agreed(conversation: Conversation) -> Iterator[Sighting]:
         if welcome is None or granted is not None:
             text = "frame, although no welcome lists frames"
             wrong = None if "frames" in (granted or ()) else Breach("not-granted", text)
-            yield about(conversation, message, "IMG-23", wrong)
+            yield about(message, "IMG-23", wrong)
 
 
 @rule("IMG-12")
@@ -88,14 +93,14 @@ def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]
     """
     lent: Counter[Image] = Counter()
     released: Counter[Image] = Counter()
-    if conversation.streams["s2c"].refused is not None:
+    if deaf(conversation):
         return
     for message, _, welcome in conversation.placed("frame", "release"):
-        value = message.value or {}
+        value = message.members
         image = (whole(value.get("generation")), whole(value.get("seq")))
         if message.kind == "frame":
             lent[image] += 1
-        elif "frames" in (capabilities(welcome) or ()):
+        elif lists(welcome, "frames"):
             released[image] += 1
             wrong = None
             if None in image and not any(None in other for other in lent):
@@ -108,7 +113,7 @@ def one_release_for_each_frame(conversation: Conversation) -> Iterator[Sighting]
             elif released[image] > lent[image]:
                 text = f"image {image[1]} of generation {image[0]} is released a second time"
                 wrong = Breach("released-twice", text)
-            yield about(conversation, message, "IMG-12", wrong)
+            yield about(message, "IMG-12", wrong)
 
 
 @rule("IMG-12")
@@ -118,7 +123,7 @@ def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
     It has certainly seen the frames that came before an init packet which it has answered. One that
     comes later may reach it when it has closed that memory, and is ignored.
     """
-    if conversation.streams["s2c"].refused is not None:
+    if deaf(conversation):
         return
     slots: dict[int | None, int] = {}
     held: set[Image] = set()
@@ -128,7 +133,7 @@ def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
     closed: set[int | None] = set()
     told = ("init_packet", "opened", "open_failed", "frame", "release", "closed")
     for message, _, welcome in conversation.placed(*told):
-        value = message.value or {}
+        value = message.members
         generation = whole(value.get("generation"))
         image = (generation, whole(value.get("seq")))
         if message.kind == "init_packet":
@@ -137,7 +142,7 @@ def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
         elif message.kind in ("opened", "open_failed"):
             seen |= before.get(generation, set())
             opened |= {generation} if message.kind == "opened" else set()
-        elif "frames" not in (capabilities(welcome) or ()):
+        elif not lists(welcome, "frames"):
             continue
         elif message.kind == "frame" and generation in opened - closed and None not in image:
             if (whole(value.get("slot"), 0) or 0) < slots.get(generation, 0):
@@ -146,35 +151,30 @@ def released_before_closed(conversation: Conversation) -> Iterator[Sighting]:
             held.discard(image)
             if generation in closed:
                 breach = Breach("already-closed", f"generation {generation} has been closed before")
-                yield about(conversation, message, "IMG-12", breach)
+                yield about(message, "IMG-12", breach)
         elif message.kind == "closed":
             left = [number for of, number in held & seen if of == generation]
             text = f"generation {generation} is closed, and its image {left[:1]} is not released"
             wrong = Breach("not-released", text) if left else None
-            yield about(conversation, message, "IMG-12", wrong)
+            yield about(message, "IMG-12", wrong)
             closed.add(generation)
 
 
 def _slots(value: Json) -> int:
-    ring = value.get("ring")
-    return (whole(ring.get("slots"), 1) or 0) if isinstance(ring, dict) else 0
+    return whole(within(value, "ring", "slots"), 1) or 0
 
 
 @rule("IMG-19")
 def well_formed_subscription(conversation: Conversation) -> Iterator[Sighting]:
     """IMG-19: `subscribe` names colour, depth or both."""
-    for message, hello, _ in conversation.placed("subscribe"):
-        if hello is not None:
-            shown = form(message.value or {}, "subscribe", "IMG-19")
-            yield from judged(conversation, message, shown)
+    return formed(greeted(conversation, "subscribe"), "IMG-19")
 
 
 def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
     """What a `frame` shows of IMG-1, in memory that this init packet describes."""
     yield from form(value, "frame", "IMG-1")
-    seq, slot, slots = whole(value.get("seq"), 0), whole(value.get("slot"), 0), _slots(described)
-    if seq is not None and seq <= newest:
-        yield Judgement("IMG-1", Breach("not-growing", f"seq {seq} comes after {newest}"), "/seq")
+    yield from growing(value, "seq", newest, "IMG-1")
+    slot, slots = whole(value.get("slot"), 0), _slots(described)
     if slot is not None and 0 < slots <= slot:
         wrong = Breach("out-of-range", f"slot is {slot}, and the ring has {slots}")
         yield Judgement("IMG-1", wrong, "/slot")
@@ -184,23 +184,9 @@ def frame(value: Json, described: Json, newest: int) -> Iterator[Judgement]:
 
 
 def _camera(camera: Json, image: tuple[int, int] | None) -> Iterator[Judgement]:
-    if numbers(camera.get("rotation"), 4):
-        yield from unit_norm(camera["rotation"], "IMG-1", "/camera/rotation")
-    near, far = (finite(camera.get(name)) for name in ("near", "far"))
-    if near is not None and far is not None and far <= near:
-        wrong = Breach("far-before-near", f"far is {show(far)}, near {show(near)}")
-        yield Judgement("IMG-1", wrong, "/camera/far")
+    yield from unit_norm(camera.get("rotation"), "IMG-1", "/camera/rotation")
+    yield from far_beyond_near(camera, "IMG-1", "/camera")
     for name, told in zip(("width", "height"), image or (), strict=False):
         if whole(camera.get(name)) not in (None, told):
             text = f"{name} is {show(camera[name])}, the init packet said {told}"
             yield Judgement("IMG-1", Breach("wrong-size", text), f"/camera/{name}")
-
-
-RULES: tuple[Rule, ...] = (
-    well_formed_frame,
-    lent_one_at_a_time,
-    frames_are_agreed,
-    one_release_for_each_frame,
-    released_before_closed,
-    well_formed_subscription,
-)

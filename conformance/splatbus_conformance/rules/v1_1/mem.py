@@ -3,15 +3,14 @@
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, judged, rule
-from splatbus_conformance.rules.form import form
+from splatbus_conformance.rules import Breach, Json, Judgement, Sighting, judged, kept, rule
+from splatbus_conformance.rules.form import form, growing
 from splatbus_conformance.rules.v1_0.ini import handle, layout, size
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import show, strings, whole, within
 
-Json = dict[str, Any]
 RING = ("slots", "colorOffset", "colorStride", "depthOffset", "depthStride")
 
 
@@ -29,14 +28,14 @@ class AnnouncedMemory(NamedTuple):
     @property
     def generation(self) -> object:
         """Its `generation`, whatever that is."""
-        return (self.message.value or {}).get("generation")
+        return self.message.members.get("generation")
 
 
 @rule("MEM-1", "MEM-2", "MEM-3", "MEM-8", "MEM-9", "MEM-12", "INI-7")
 def members_of_1_1(conversation: Conversation) -> Iterator[Sighting]:
     """MEM-1, 2, 3, 8, 9, 12: version, generation, memory, ring (INI-7: its events), semantics."""
     for packet in announced(conversation):
-        yield from judged(conversation, packet.message, packet.additions)
+        yield from judged(packet.message, packet.additions)
 
 
 @lru_cache(maxsize=1)  # each rule on memory asks for the same
@@ -54,7 +53,7 @@ def announced(conversation: Conversation) -> tuple[AnnouncedMemory, ...]:
             newest = max(newest, whole(message.value.get("generation"), 1) or newest)
         shown = tuple(layout(message.value))
         is_one = "meta" in message.value and "type" not in message.value  # INI-11
-        sound = is_one and not message.faults and not any(j.breach for j in shown + added)
+        sound = is_one and not message.faults and kept(shown + added)
         found.append(AnnouncedMemory(message, added, granted, sound))
     return tuple(found)
 
@@ -65,10 +64,14 @@ def capabilities(message: Message | None) -> frozenset[str] | None:
     return None if listed is None else frozenset(listed)
 
 
+def lists(message: Message | None, name: str) -> bool:
+    """Whether a `hello` or `welcome` lists a capability."""
+    return name in (capabilities(message) or ())
+
+
 def kind_of_memory(message: Message) -> object:
     """The kind of memory that an init packet announces, whatever that is."""
-    memory = (message.value or {}).get("memory") if message.kind == "init_packet" else None
-    return memory.get("kind") if isinstance(memory, dict) else None
+    return within(message.members, "memory", "kind") if message.kind == "init_packet" else None
 
 
 def additions(value: Json, newest: int, granted: frozenset[str]) -> Iterator[Judgement]:
@@ -83,14 +86,11 @@ def additions(value: Json, newest: int, granted: frozenset[str]) -> Iterator[Jud
         # A handle is for the ring.
         if judgement.pointer != "/memory/handle" or "ring" in value or within(memory, "handle"):
             yield judgement
-    generation = whole(value.get("generation"), 1)
-    if generation is not None and generation <= newest:
-        breach = Breach("not-growing", f"generation {generation} follows {newest}")
-        yield Judgement("MEM-1", breach, "/generation")
+    yield from growing(value, "generation", newest, "MEM-1")
     if "ring" in value or (versioned and (kind == "host_shm" or "frames" in granted)):
         ring = tuple(_ring(value, kind))
         yield from ring
-        if all(judgement.breach is None for judgement in ring):
+        if kept(ring):
             yield from _within_memory(value)
 
 
@@ -124,8 +124,8 @@ def _ring(value: Json, kind: object) -> Iterator[Judgement]:
 
 def _within_memory(value: Json) -> Iterator[Judgement]:
     """MEM-9, for a ring that satisfies MEM-8."""
-    ring, memory, image = value["ring"], value.get("memory"), size(value.get("meta"))
-    total = whole(memory.get("bytes"), 1) if isinstance(memory, dict) else None
+    ring, image = value["ring"], size(value.get("meta"))
+    total = whole(within(value, "memory", "bytes"), 1)
     slots, *places = (whole(ring.get(name), 0) for name in RING)
     if total is None or image is None or slots is None or None in places:
         return
@@ -144,6 +144,3 @@ def _within_memory(value: Json) -> Iterator[Judgement]:
         if following < begin + length:
             breach = Breach("overlapping", f"{name} and {other} overlap")
             yield Judgement("MEM-9", breach, "/ring")
-
-
-RULES: tuple[Rule, ...] = (members_of_1_1,)

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Judgement, Sighting, about, deaf, judged, kept, rule
 from splatbus_conformance.rules.exchanges import exchanges
-from splatbus_conformance.rules.form import form, greeting
+from splatbus_conformance.rules.form import formed, greeting
 from splatbus_conformance.rules.v1_0.ini import layout
 from splatbus_conformance.rules.v1_0.req_replies import viewport_size
 from splatbus_conformance.rules.v1_1.mem import capabilities
@@ -28,19 +28,17 @@ def one_hello_first(conversation: Conversation) -> Iterator[Sighting]:
         sent = (it for it in conversation.sent_by("client") if it.value is not None)
         first = next(sent)
         breach = Breach("before-hello", "this came before hello")
-        yield about(conversation, first, "NEG-1", None if first.kind == "hello" else breach)
-        yield about(conversation, hellos[0], "NEG-3")
+        yield about(first, "NEG-1", None if first.kind == "hello" else breach)
+        yield about(hellos[0], "NEG-3")
         for again in hellos[1:]:
-            yield about(conversation, again, "NEG-3", Breach("sent-twice", "a further hello"))
+            yield about(again, "NEG-3", Breach("sent-twice", "a further hello"))
 
 
 @rule("NEG-2")
 def well_formed_hello(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-2: the members of `hello`."""
     if conversation.hello is not None:
-        yield from judged(
-            conversation, conversation.hello, greeting(conversation.hello.value or {})
-        )
+        yield from judged(conversation.hello, greeting(conversation.hello.members))
 
 
 @rule("NEG-5")
@@ -51,7 +49,7 @@ def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
     channel CHN-6 judges it. What a client sends although its server has shown to speak 1.0 is
     judged by NEG-13 and NEG-14.
     """
-    if _deaf(conversation):
+    if deaf(conversation):
         return
     fallback = _fallback(conversation)
     shown = False
@@ -71,10 +69,10 @@ def nothing_before_welcome(conversation: Conversation) -> Iterator[Sighting]:
                     )
                     for a in added
                 ]
-                yield from judged(conversation, message, early)
+                yield from judged(message, early)
             continue
         granted = capabilities(welcome)
-        yield from judged(conversation, message, (_agreed(each, granted) for each in added))
+        yield from judged(message, (_agreed(each, granted) for each in added))
 
 
 @rule("NEG-13", "NEG-14")
@@ -86,7 +84,7 @@ def falls_back(conversation: Conversation) -> Iterator[Sighting]:
     may follow.
     """
     fallback = _fallback(conversation)
-    if fallback is None or _deaf(conversation):
+    if fallback is None or deaf(conversation):
         return
     ipc = conversation.channel == "ipc"
     requirement = "NEG-14" if ipc else "NEG-13"
@@ -99,18 +97,16 @@ def falls_back(conversation: Conversation) -> Iterator[Sighting]:
             wrong.append(message)
     for message in wrong:
         text = f"a message of type {show(message.type)} to a server that speaks 1.0"
-        yield about(conversation, message, requirement, Breach("no-fallback", text))
+        yield about(message, requirement, Breach("no-fallback", text))
     if not wrong:
-        yield about(conversation, fallback, requirement, peer="client")
+        yield about(fallback, requirement, peer="client")
 
 
 @rule("NEG-27")
 def ids_are_integers(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-27: the `id` of a request after `welcome` is an integer from 0 to 2⁵³−1."""
-    for message, _, welcome in conversation.placed(*REQUESTS):
-        if welcome is not None and "id" in (message.value or {}):
-            value = message.value or {}
-            yield from judged(conversation, message, form(value, str(message.kind), "NEG-27"))
+    asked = (it for it, _, welcome in conversation.placed(*REQUESTS) if welcome is not None)
+    return formed((it for it in asked if "id" in it.members), "NEG-27")
 
 
 @rule("NEG-37")
@@ -122,13 +118,13 @@ def ids_tell_what_waits_apart(conversation: Conversation) -> Iterator[Sighting]:
     """
     waiting: set[int] = set()
     for message, _, welcome in conversation.placed(*REQUESTS, *REPLIES, "error"):
-        number = whole((message.value or {}).get("id"), 0)
+        number = whole(message.members.get("id"), 0)
         if welcome is None or (number is None and message.sender == "client"):
             continue
         if message.sender == "client" and number is not None:
             text = f"a request with id {number} is still unanswered"
             wrong = Breach("id-in-use", text) if number in waiting else None
-            yield about(conversation, message, "NEG-37", wrong, "/id")
+            yield about(message, "NEG-37", wrong, "/id")
             waiting.add(number)
         else:
             waiting -= waiting if number is None else {number}
@@ -151,7 +147,7 @@ def _added(message: Message, *, with_members: bool = True) -> list[_Addition]:
     return [
         _Addition(name, f"/{name}", name if name == "intrinsics" else None)
         for name in members
-        if name in (message.value or {})
+        if name in message.members
     ]
 
 
@@ -161,34 +157,19 @@ def _agreed(added: _Addition, granted: frozenset[str] | None) -> Judgement:
     return Judgement("NEG-5", Breach("not-granted", text) if refused else None, added.pointer)
 
 
-def _deaf(conversation: Conversation) -> bool:
-    """What the server sent could not be read to its end, so nobody knows what the client knew."""
-    return conversation.streams["s2c"].refused is not None
-
-
 def _fallback(conversation: Conversation) -> Message | None:
     """What shows a client that said `hello` that its server speaks 1.0."""
     if conversation.hello is None or conversation.welcome is not None:
         return None
     for message in conversation.sent_by("server"):
         if message.kind == "init_packet" and not message.faults:
-            value = message.value or {}
-            if "version" not in value and not any(j.breach for j in layout(value)):
+            value = message.members
+            if "version" not in value and kept(layout(value)):
                 return message
     for pair in exchanges(conversation).pairs:
         if pair.question.kind == "get_viewport_size" and pair.asked_after_hello:
             told = pair.answer.value
-            sound = told is not None and not any(j.breach for j in viewport_size(told))
+            sound = told is not None and kept(viewport_size(told))
             if sound and not pair.answer.faults:
                 return pair.answer
     return None
-
-
-RULES: tuple[Rule, ...] = (
-    one_hello_first,
-    well_formed_hello,
-    nothing_before_welcome,
-    falls_back,
-    ids_are_integers,
-    ids_tell_what_waits_apart,
-)

@@ -2,9 +2,18 @@
 
 from collections.abc import Iterator, Sequence
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import (
+    Breach,
+    Judgement,
+    Sighting,
+    about,
+    greeted,
+    judged,
+    kept,
+    rule,
+)
 from splatbus_conformance.rules.exchanges import exchanges
-from splatbus_conformance.rules.form import form, greeting
+from splatbus_conformance.rules.form import formed, greeting
 from splatbus_conformance.rules.v1_1.mem import capabilities, kind_of_memory
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import is_version, show, strings
@@ -24,34 +33,34 @@ def welcome_comes_first(conversation: Conversation) -> Iterator[Sighting]:
     hello = conversation.hello
     if hello is None:
         return
-    offered = strings((hello.value or {}).get("versions"))
+    offered = strings(hello.members.get("versions"))
     early = _sent_too_early(conversation)
     if early is not None:
         breach = Breach("before-welcome", "sent after hello had arrived, before welcome")
-        yield about(conversation, early, "NEG-6", breach)
+        yield about(early, "NEG-6", breach)
         return
-    for message, greeted, welcome in conversation.placed():
-        if greeted is None or welcome is not None or message.sender == "client":
+    for message, before, welcome in conversation.placed():
+        if before is None or welcome is not None or message.sender == "client":
             continue
         if message.kind == "welcome":
-            version = (message.value or {}).get("version")
+            version = message.members.get("version")
             wrong = is_version(version) and offered is not None and version not in offered
             listed = ", ".join(map(show, offered or []))
             text = f"version is {show(version)}, hello lists {listed}"
             breach = Breach("not-listed", text)
-            yield about(conversation, message, "NEG-6", breach if wrong else None, "/version")
+            yield about(message, "NEG-6", breach if wrong else None, "/version")
         elif _code(message) == "unsupported_version":
-            supported = strings((message.value or {}).get("supported")) or []
+            supported = strings(message.members.get("supported")) or []
             common = [version for version in offered or [] if version in supported]
             text = f"unsupported_version, although {', '.join(common)} is both offered and spoken"
             breach = Breach("version-in-common", text)
-            yield about(conversation, message, "NEG-6", breach if common else None, "/supported")
+            yield about(message, "NEG-6", breach if common else None, "/supported")
         elif _code(message) in ("invalid_message", "unknown_type"):
-            only = len(conversation.of("hello")) == 1 and not greeted.faults
-            is_good = only and all(it.breach is None for it in greeting(greeted.value or {}))
+            only = len(conversation.of("hello")) == 1 and not hello.faults
+            is_good = only and kept(greeting(hello.members))
             text = f"{_code(message)}, of a hello that keeps NEG-2"
             breach = Breach("refuses-a-good-hello", text)
-            yield about(conversation, message, "NEG-6", breach if is_good else None)
+            yield about(message, "NEG-6", breach if is_good else None)
 
 
 @rule("NEG-31")
@@ -59,15 +68,13 @@ def one_welcome(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-31: at most one `welcome`."""
     for message, _, welcome in conversation.placed("welcome"):
         breach = Breach("sent-twice", "a second welcome on the connection")
-        yield about(conversation, message, "NEG-31", breach if welcome else None)
+        yield about(message, "NEG-31", breach if welcome else None)
 
 
 @rule("NEG-30")
 def well_formed_welcome(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-30: the members of `welcome`."""
-    for message, hello, _ in conversation.placed("welcome"):
-        if hello is not None:
-            yield from judged(conversation, message, form(message.value or {}, "welcome", "NEG-30"))
+    return formed(greeted(conversation, "welcome"), "NEG-30")
 
 
 @rule("NEG-7")
@@ -76,7 +83,7 @@ def capabilities_of_both(conversation: Conversation) -> Iterator[Sighting]:
     for message, hello, welcome in conversation.placed("welcome"):
         if hello is not None and welcome is None:
             granted = _granted(message, capabilities(hello), conversation.channel)
-            yield from judged(conversation, message, granted)
+            yield from judged(message, granted)
 
 
 @rule("NEG-10")
@@ -84,10 +91,10 @@ def unsupported_version_ends(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-10: `unsupported_version` lists the versions spoken, and is the last packet."""
     for message, after in _errors(conversation):
         if _code(message) == "unsupported_version":
-            yield from judged(conversation, message, form(message.value or {}, "error", "NEG-10"))
+            yield from formed([message], "NEG-10")
             if after:
                 breach = Breach("after-error", "sent after unsupported_version")
-                yield about(conversation, after[0], "NEG-10", breach)
+                yield about(after[0], "NEG-10", breach)
 
 
 @rule("NEG-18")
@@ -100,9 +107,9 @@ def unauthorized_is_all(conversation: Conversation) -> Iterator[Sighting]:
             others = (m for m in conversation.sent_by("server") if m.packet.offset != place)
             if other := next(others, None):
                 breach = Breach("beside-error", "sent beside unauthorized")
-                yield about(conversation, other, "NEG-18", breach)
+                yield about(other, "NEG-18", breach)
             else:
-                yield about(conversation, message, "NEG-18")
+                yield about(message, "NEG-18")
             return
 
 
@@ -111,26 +118,25 @@ def errors_only_after_hello(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-22: `error` is sent only to who has said `hello`."""
     for message, hello, _ in conversation.placed("error"):
         breach = Breach("before-hello", "error to a client that has not said hello")
-        yield about(conversation, message, "NEG-22", None if hello else breach)
-
-
-@rule("NEG-41")
-def no_error_owns_up_to_a_defect(conversation: Conversation) -> Iterator[Sighting]:
-    """NEG-41: `internal` is no answer."""
-    for message, _ in _errors(conversation):
-        text = f"internal, {show((message.value or {}).get('message'))}"
-        breach = Breach("owns-up", text) if _code(message) == "internal" else None
-        yield about(conversation, message, "NEG-41", breach, "/code")
+        yield about(message, "NEG-22", None if hello else breach)
 
 
 @rule("NEG-23")
 def well_formed_error(conversation: Conversation) -> Iterator[Sighting]:
     """NEG-23: the members of `error`, its code, and that its id is of a request that it answers."""
-    for message, _ in _errors(conversation):
-        yield from judged(conversation, message, form(message.value or {}, "error", "NEG-23"))
+    yield from formed(conversation.of("error"), "NEG-23")
     for message in exchanges(conversation).astray:
-        text = f"no request with the id {show((message.value or {}).get('id'))} waits for an answer"
-        yield about(conversation, message, "NEG-23", Breach("unknown-id", text), "/id")
+        text = f"no request with the id {show(message.members.get('id'))} waits for an answer"
+        yield about(message, "NEG-23", Breach("unknown-id", text), "/id")
+
+
+@rule("NEG-41")
+def no_error_owns_up_to_a_defect(conversation: Conversation) -> Iterator[Sighting]:
+    """NEG-41: `internal` is no answer."""
+    for message in conversation.of("error"):
+        text = f"internal, {show(message.members.get('message'))}"
+        breach = Breach("owns-up", text) if _code(message) == "internal" else None
+        yield about(message, "NEG-41", breach, "/code")
 
 
 @rule("NEG-25")
@@ -140,8 +146,8 @@ def closing_errors_end(conversation: Conversation) -> Iterator[Sighting]:
         code = _code(message)
         if code in CLOSING_ERRORS and code not in ("unsupported_version", "unauthorized"):
             breach = Breach("after-error", f"sent after {code}")
-            late = about(conversation, after[0], "NEG-25", breach) if after else None
-            yield late or about(conversation, message, "NEG-25")
+            late = about(after[0], "NEG-25", breach) if after else None
+            yield late or about(message, "NEG-25")
 
 
 def _sent_too_early(conversation: Conversation) -> Message | None:
@@ -159,7 +165,7 @@ def _sent_too_early(conversation: Conversation) -> Message | None:
 
 
 def _granted(message: Message, offered: frozenset[str] | None, channel: str) -> Iterator[Judgement]:
-    for i, name in enumerate(strings((message.value or {}).get("capabilities")) or []):
+    for i, name in enumerate(strings(message.members.get("capabilities")) or []):
         yield Judgement("NEG-7")
         pointer = f"/capabilities/{i}"
         if offered is not None and name not in offered:
@@ -179,18 +185,4 @@ def _errors(conversation: Conversation) -> Iterator[tuple[Message, Sequence[Mess
 
 
 def _code(message: Message) -> object:
-    return (message.value or {}).get("code") if message.kind == "error" else None
-
-
-RULES: tuple[Rule, ...] = (
-    welcome_comes_first,
-    one_welcome,
-    well_formed_welcome,
-    capabilities_of_both,
-    unsupported_version_ends,
-    unauthorized_is_all,
-    errors_only_after_hello,
-    well_formed_error,
-    no_error_owns_up_to_a_defect,
-    closing_errors_end,
-)
+    return message.members.get("code") if message.kind == "error" else None

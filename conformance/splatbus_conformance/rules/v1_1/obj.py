@@ -1,15 +1,12 @@
 """Rules on objects and the scene's time (spec 1.1 sections 7.1 and 9.1)."""
 
 from collections.abc import Iterator
-from typing import Any
 
-from splatbus_conformance.rules import Judgement, Rule, Sighting, judged, rule
-from splatbus_conformance.rules.form import each_once, form
-from splatbus_conformance.rules.v1_0.pos import unit_norm
+from splatbus_conformance.rules import Json, Judgement, Sighting, greeted, judged, rule
+from splatbus_conformance.rules.form import each_once, form, unit_norm
 from splatbus_conformance.wire.conversation import Conversation
-from splatbus_conformance.wire.json_values import array, numbers, within
+from splatbus_conformance.wire.json_values import array, within
 
-Json = dict[str, Any]
 AS_POSES = ("POS-1", "POS-2", "POS-3")
 """What OBJ-1 says of the members of an `object_pose`, too."""
 
@@ -17,28 +14,24 @@ AS_POSES = ("POS-1", "POS-2", "POS-3")
 @rule("OBJ-1", "TIM-1")
 def well_formed_steering(conversation: Conversation) -> Iterator[Sighting]:
     """OBJ-1, TIM-1: the members of `object_pose` and of `set_time`."""
-    for message, hello, _ in conversation.placed(*STEERING):
-        if hello is not None:
-            shows = STEERING[str(message.kind)]
-            yield from judged(conversation, message, shows(message.value or {}))
+    for message in greeted(conversation, *STEERING):
+        shows = STEERING[str(message.kind)]
+        yield from judged(message, shows(message.members))
 
 
 @rule("OBJ-7")
 def well_formed_objects(conversation: Conversation) -> Iterator[Sighting]:
     """OBJ-7: the members of `objects` in a `frame`."""
-    for message, hello, _ in conversation.placed("frame"):
-        value = message.value or {}
-        if hello is not None and "objects" in value:
-            yield from judged(conversation, message, _placements(value))
+    for message in greeted(conversation, "frame"):
+        if "objects" in message.members:
+            yield from judged(message, _placements(message.members))
 
 
 def object_pose(value: Json) -> Iterator[Judgement]:
     """What an `object_pose` shows of OBJ-1."""
     for judgement in form(value, "object_pose", "OBJ-1", *AS_POSES):
         yield judgement._replace(requirement="OBJ-1")
-    rotation = value.get("rotation")
-    if isinstance(rotation, dict):
-        yield from unit_norm([rotation.get(name) for name in "xyzw"], "OBJ-1")
+    yield from unit_norm([within(value, "rotation", name) for name in "xyzw"], "OBJ-1")
 
 
 def set_time(value: Json) -> Iterator[Judgement]:
@@ -51,11 +44,8 @@ def _placements(value: Json) -> Iterator[Judgement]:
     objects = array(value["objects"])
     yield from each_once(objects, "object", "OBJ-7", "/objects")
     for i, item in enumerate(objects):
-        rotation = within(item, "rotation")
-        if numbers(rotation, 4):
-            yield from unit_norm(rotation, "OBJ-7", f"/objects/{i}/rotation")
+        yield from unit_norm(within(item, "rotation"), "OBJ-7", f"/objects/{i}/rotation")
 
 
 STEERING = {"object_pose": object_pose, "set_time": set_time}
 """What 1.1 adds to the poses, and what each shows."""
-RULES: tuple[Rule, ...] = (well_formed_steering, well_formed_objects)

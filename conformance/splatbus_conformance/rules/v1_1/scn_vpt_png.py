@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import Breach, Json, Judgement, Sighting, about, judged, rule
 from splatbus_conformance.rules.exchanges import Exchange, exchanges
 from splatbus_conformance.rules.form import each_once, form
 from splatbus_conformance.rules.v1_0.req_replies import size_told
-from splatbus_conformance.rules.v1_1.mem import capabilities
+from splatbus_conformance.rules.v1_1.mem import lists
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import (
     array,
@@ -23,33 +23,31 @@ from splatbus_conformance.wire.json_values import (
 )
 from splatbus_conformance.wire.message_kinds import NEEDS
 
-Json = dict[str, Any]
-
 
 @rule("SCN-2")
 def scenes_are_told(conversation: Conversation) -> Iterator[Sighting]:
     """SCN-2: `get_scene` is answered with `scene`, and the members of that."""
     for pair in granted(conversation, "get_scene"):
-        yield from judged(conversation, pair.answer, _promised(pair, "SCN-2", _scene))
+        yield from judged(pair.answer, _promised(pair, "SCN-2", _scene))
 
 
 @rule("VPT-2")
 def viewports_are_as_asked(conversation: Conversation) -> Iterator[Sighting]:
     """VPT-2: `set_viewport` is answered with the size asked for, or an `error`."""
     for question, answer, *_ in granted(conversation, "set_viewport"):
-        asked = tuple(whole((question.value or {}).get(side)) for side in ("width", "height"))
+        asked = tuple(whole(question.members.get(side)) for side in ("width", "height"))
         told = size_told(answer)
         kept = answer.kind == "error" or told == asked
         text = f"viewport_size is {show(told)}, {list(asked)} was asked for"
         wrong = None if kept else Breach("wrong-size", text)
-        yield about(conversation, answer, "VPT-2", wrong, "/viewport_size")
+        yield about(answer, "VPT-2", wrong, "/viewport_size")
 
 
 @rule("PNG-2")
 def pings_are_returned(conversation: Conversation) -> Iterator[Sighting]:
     """PNG-2: `ping` is answered with `pong`, the same `t`, and the server's time."""
     for pair in granted(conversation, "ping"):
-        yield from judged(conversation, pair.answer, _promised(pair, "PNG-2", _pong))
+        yield from judged(pair.answer, _promised(pair, "PNG-2", _pong))
 
 
 @rule("PNG-3")
@@ -75,7 +73,7 @@ def clocks_do_not_go_back(conversation: Conversation) -> Iterator[Sighting]:
         time = _time(answer, "pong") or 0.0
         text = f"serverTime is {show(time)}; {show(newest)} was told before it was asked"
         wrong = Breach("went-back", text) if time < newest else None
-        yield about(conversation, answer, "PNG-3", wrong, "/serverTime")
+        yield about(answer, "PNG-3", wrong, "/serverTime")
 
 
 class _Told(NamedTuple):
@@ -92,7 +90,7 @@ def _frames_go_on(conversation: Conversation) -> Iterator[Sighting]:
         if time is not None:
             text = f"renderedAt is {show(time)} after {show(newest)}"
             wrong = Breach("went-back", text) if time < newest else None
-            yield about(conversation, message, "PNG-3", wrong, "/renderedAt")
+            yield about(message, "PNG-3", wrong, "/renderedAt")
             newest = time
 
 
@@ -112,7 +110,7 @@ def _told(conversation: Conversation) -> list[_Told]:
 def _time(message: Message, *kinds: str) -> float | None:
     """The time on the server's clock that a message of one of these kinds tells, if it does."""
     name = {"frame": "renderedAt", "pong": "serverTime"}.get(message.kind or "", "")
-    time = (message.value or {}).get(name)
+    time = message.members.get(name)
     if message.kind not in kinds or not is_number(time) or unspeakable(time):
         return None
     return as_double(time)
@@ -120,7 +118,7 @@ def _time(message: Message, *kinds: str) -> float | None:
 
 def granted(conversation: Conversation, kind: str) -> Iterator[Exchange]:
     """The answers to faultless requests of a kind that `welcome` agrees to."""
-    if NEEDS[kind] in (capabilities(conversation.welcome) or ()):
+    if lists(conversation.welcome, NEEDS[kind]):
         for pair in exchanges(conversation).pairs:
             readable = pair.answer.value is not None
             if pair.question.kind == kind and pair.welcomed and pair.certain and readable:
@@ -131,10 +129,10 @@ def _promised(
     pair: Exchange, requirement: str, content: Callable[[Json, Json], Iterator[Judgement]]
 ) -> Iterator[Judgement]:
     """What an answer shows of the requirement that promises it: `internal` owns up to a defect."""
-    value = pair.answer.value or {}
+    value = pair.answer.members
     if pair.answer.kind != "error":
         named = ("/type", "/id")  # by NEG-28
-        shown = content(value, pair.question.value or {})
+        shown = content(value, pair.question.members)
         yield from (it for it in shown if it.pointer not in named)
     elif value.get("code") != "internal":
         text = f"answered by error {show(value.get('code'))}"
@@ -161,11 +159,3 @@ def _pong(value: Json, asked: Json) -> Iterator[Judgement]:
     if told is not None and told != as_double(asked["t"]):
         text = f"t is {show(value['t'])}, the ping's was {show(asked['t'])}"
         yield Judgement("PNG-2", Breach("another-time", text), "/t")
-
-
-RULES: tuple[Rule, ...] = (
-    scenes_are_told,
-    viewports_are_as_asked,
-    pings_are_returned,
-    clocks_do_not_go_back,
-)

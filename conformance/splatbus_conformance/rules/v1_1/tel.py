@@ -1,12 +1,21 @@
 """Rules on telemetry (spec 1.1 annex A)."""
 
 from collections.abc import Iterator
-from typing import Any
 
-from splatbus_conformance.rules import Breach, Judgement, Rule, Sighting, about, judged, rule
+from splatbus_conformance.rules import (
+    Breach,
+    Json,
+    Judgement,
+    Sighting,
+    about,
+    greeted,
+    judged,
+    kept,
+    rule,
+)
 from splatbus_conformance.rules.exchanges import exchanges
-from splatbus_conformance.rules.form import each_once, form
-from splatbus_conformance.rules.v1_1.mem import capabilities
+from splatbus_conformance.rules.form import each_once, form, growing
+from splatbus_conformance.rules.v1_1.mem import lists
 from splatbus_conformance.wire.conversation import Conversation, Message
 from splatbus_conformance.wire.json_values import (
     array,
@@ -17,7 +26,6 @@ from splatbus_conformance.wire.json_values import (
     within,
 )
 
-Json = dict[str, Any]
 Names = frozenset[str] | None
 """What a client has subscribed to; None for all."""
 
@@ -25,20 +33,17 @@ Names = frozenset[str] | None
 @rule("TEL-1")
 def well_formed_wish(conversation: Conversation) -> Iterator[Sighting]:
     """TEL-1: the members of `subscribe_telemetry`."""
-    for message, hello, _ in conversation.placed("subscribe_telemetry"):
-        if hello is not None:
-            yield from judged(conversation, message, wish(message.value or {}))
+    for message in greeted(conversation, "subscribe_telemetry"):
+        yield from judged(message, wish(message.members))
 
 
 @rule("TEL-2")
 def well_formed_telemetry(conversation: Conversation) -> Iterator[Sighting]:
     """TEL-2: the members of `telemetry`, and `seq` that grows."""
     newest = -1
-    for message, hello, _ in conversation.placed("telemetry"):
-        if hello is not None:
-            value = message.value or {}
-            yield from judged(conversation, message, _telemetry(value, newest))
-            newest = max(newest, whole(value.get("seq"), 0) or 0)
+    for message in greeted(conversation, "telemetry"):
+        yield from judged(message, _telemetry(message.members, newest))
+        newest = max(newest, whole(message.members.get("seq"), 0) or 0)
 
 
 @rule("TEL-3")
@@ -54,9 +59,9 @@ def only_what_was_asked_for(conversation: Conversation) -> Iterator[Sighting]:
     }
     possible: list[tuple[int, Names]] = [(-1, frozenset())]
     for message, hello, welcome in conversation.placed():
-        value = message.value or {}
+        value = message.members
         if message.kind == "subscribe_telemetry":
-            if message.faults or any(judgement.breach for judgement in wish(value)):
+            if message.faults or not kept(wish(value)):
                 return
             names = value["names"]
             asked_for = None if names is None else frozenset(names)
@@ -67,9 +72,9 @@ def only_what_was_asked_for(conversation: Conversation) -> Iterator[Sighting]:
             possible = [each for each in possible if each[0] >= newest]
         elif message.kind == "telemetry" and hello is not None:
             wrong = _unwanted(message, possible)
-            if "telemetry" not in (capabilities(welcome) or ()):
+            if not lists(welcome, "telemetry"):
                 wrong = Breach("not-granted", "telemetry, although no welcome lists it")
-            yield about(conversation, message, "TEL-3", wrong, "/series")
+            yield about(message, "TEL-3", wrong, "/series")
 
 
 def wish(value: Json) -> Iterator[Judgement]:
@@ -79,9 +84,8 @@ def wish(value: Json) -> Iterator[Judgement]:
 
 def _telemetry(value: Json, newest: int) -> Iterator[Judgement]:
     yield from form(value, "telemetry", "TEL-2")
-    seq, series = whole(value.get("seq"), 0), array(value.get("series"))
-    if seq is not None and seq <= newest:
-        yield Judgement("TEL-2", Breach("not-growing", f"seq {seq} comes after {newest}"), "/seq")
+    yield from growing(value, "seq", newest, "TEL-2")
+    series = array(value.get("series"))
     yield from each_once(series, "name", "TEL-2", "/series")
     for i, item in enumerate(series):
         edges, counts = within(item, "edges"), within(item, "counts")
@@ -97,12 +101,7 @@ def _telemetry(value: Json, newest: int) -> Iterator[Judgement]:
 
 def _unwanted(message: Message, possible: list[tuple[int, Names]]) -> Breach | None:
     """What is wrong with the series, where one of these subscriptions is in force."""
-    series = (message.value or {}).get("series")
-    names = (
-        [each.get("name") for each in series if isinstance(each, dict)]
-        if isinstance(series, list)
-        else []
-    )
+    names = [within(each, "name") for each in array(message.members.get("series"))]
     wanted = [asked_for for _, asked_for in possible]
     if all(asked_for == frozenset() for asked_for in wanted):
         return Breach("not-subscribed", "telemetry, although the client has subscribed to none")
@@ -114,6 +113,3 @@ def _unwanted(message: Message, possible: list[tuple[int, Names]]) -> Breach | N
         return None
     text = f"series {show(stray[0])}, which the client has not subscribed to"
     return Breach("another-series", text)
-
-
-RULES: tuple[Rule, ...] = (well_formed_wish, well_formed_telemetry, only_what_was_asked_for)
