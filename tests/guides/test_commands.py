@@ -15,7 +15,6 @@ ports are free ones. Apart from that:
 
 import os
 import re
-import shlex
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -27,7 +26,6 @@ import splatbus_viewer.cli
 from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import plan_of, wishes_of
 from splatbus_conformance.cli.parsing import parser
-from splatbus_conformance.plan import Side
 
 from tests.guides import desk
 from tests.guides.pages import ALL, SHELLS, Block, our_commands
@@ -45,12 +43,7 @@ def commands(block: Block) -> list[str]:
 LINES = list(
     dict.fromkeys(line for block in BLOCKS if not block.why_not_run for line in commands(block))
 )
-READ = [line for line in LINES if "--write-expected" in line and "my-viewer" not in line]
-JUDGING = [
-    line
-    for line in LINES
-    if line not in READ and any(f" {side} " in line for side in ("client", "server"))
-]
+JUDGING = [line for line in LINES if any(f" {side} " in line for side in ("client", "server"))]
 VARIED = re.compile(
     r"(?<=launch|dapter) (\"[^\"]*\"|\S+)| --(patience|viewport|select) \S+"
     r"|(?<=explain) \S+|(?<=replay) \S+"
@@ -62,11 +55,11 @@ def one_of_a_kind(lines: list[str]) -> list[str]:
     return list({(VARIED.sub("", line), "my_renderer" in line): line for line in lines}.values())
 
 
-WHOLE = one_of_a_kind([line for line in LINES if line not in READ + JUDGING])
-SHORT = one_of_a_kind(JUDGING)
+READ = [line for line in LINES if "--write-expected" in line and "my-viewer" not in line]
+RUN = one_of_a_kind([line for line in LINES if line not in READ])
 UNTIL = {
     "proxy": "nothing broken so far",
-    "python conformance": "picture.ppm",
+    "python": "picture.ppm",
     "eval": "image ",
     "splatbus-server": "ready",
 }
@@ -80,6 +73,10 @@ def shortened(line: str) -> str:
     if "--write-expected" in line:
         return brief
     return f"{brief} --select {'CNV-1' if '--require-level' in line else 'FRM-1'}"
+
+
+def until(line: str) -> str:
+    return next((text for name, text in UNTIL.items() if re.match(rf"(\S+ )?{name}\b", line)), "")
 
 
 def beside(line: str) -> str:
@@ -96,76 +93,53 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Fut
     base = tmp_path_factory.mktemp("desks")  # the factory is not for several threads
 
     def run(line: str) -> desk.Outcome:
-        folder = desk.prepared(Path(tempfile.mkdtemp(dir=base)), line)
-        until = next((text for name, text in UNTIL.items() if line.startswith(name)), "")
-        if " proxy " in line:
-            until = UNTIL["proxy"]
-        return desk.run(folder, shortened(line), beside(line), until)
+        folder = Path(tempfile.mkdtemp(dir=base))
+        desk.prepare(folder, line)
+        return desk.run(folder, shortened(line), beside(line), until(line))
 
     with ThreadPoolExecutor(AT_A_TIME) as pool:
-        yield {line: pool.submit(run, line) for line in WHOLE + SHORT}
+        yield {line: pool.submit(run, line) for line in RUN}
 
 
 def test_each_block_is_run_or_says_why_not() -> None:
-    """Everything that is run is a command of ours, or a Python program of the guides."""
+    """Everything that is run is a command of ours, or a Python program of the guides, and none
+    hides in a block of another kind.
+    """
     for line in LINES:
         first = line.split()[0]
         known = first in ("python", "eval") or first.startswith("splatbus-")
         assert known, f"{line!r} is not run by this test: say why in a comment above its block"
     for block in ALL:
         assert not block.why_not_run or len(block.why_not_run.split()) > 3, f"{block}: say why"
+        assert block.language in ("", *SHELLS) or not our_commands(block), block
 
 
 @pytest.mark.skipif(os.name == "nt", reason="the commands are for a shell")
-@pytest.mark.parametrize("line", WHOLE)
-def test_a_command_works_word_for_word(
-    line: str, outcomes: dict[str, Future[desk.Outcome]]
-) -> None:
-    check(line, outcomes[line].result())
-
-
-@pytest.mark.skipif(os.name == "nt", reason="the commands are for a shell")
-@pytest.mark.parametrize("line", SHORT)
-def test_a_command_works_in_a_short_form(
-    line: str, outcomes: dict[str, Future[desk.Outcome]]
-) -> None:
-    check(line, outcomes[line].result())
-
-
-def check(line: str, outcome: desk.Outcome) -> None:
+@pytest.mark.parametrize("line", RUN)
+def test_a_command_works(line: str, outcomes: dict[str, Future[desk.Outcome]]) -> None:
+    outcome = outcomes[line].result()
     told = f"{line}\nstatus {outcome.status}\n{outcome.output}"
     if "--require-coverage" in line:
         assert outcome.status == 1, told
         assert "--require-coverage" in outcome.output, told
     elif not any(name in line for name in ("eval", "minimal_client", "proxy")):
         assert outcome.status == 0, told
-    if line in JUDGING and "--require-coverage" not in line and "replay" not in line:
-        assert "conforming at L" in outcome.output, told
+        if line in JUDGING and "replay" not in line:
+            assert "conforming at L" in outcome.output, told
     for option in ("--json", "--junit", "--html", "--markdown", "--badge", "--record"):
         if f"{option} " in line:
             assert line.split(f"{option} ")[1].split()[0] in outcome.files, told
-    for name, sign in UNTIL.items():
-        if f" {name} " in f" {line}" or line.startswith(name):
-            assert sign in outcome.output or sign in outcome.files, told
-
-
-@pytest.mark.parametrize("line", READ)
-def test_the_options_of_a_command_that_takes_a_whole_run_go_together(
-    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    side: Side = "server" if " server " in line else "client"
-    arguments = parser().parse_args(shlex.split(line)[1:])
-    assert plan_of(side, arguments)
-    assert wishes_of(side, arguments).write_expected == Path("known.toml")
+    if sign := until(line):
+        assert sign in outcome.output or sign in outcome.files, told
 
 
 @pytest.mark.parametrize("block", [b for b in ALL if our_commands(b)], ids=str)
-def test_the_options_of_each_command_exist(
+def test_the_options_of_each_command_exist_and_go_together(
     block: Block, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also of those that are not run, and of lists of commands that belong to no shell."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "known.toml").touch()
     for name, *arguments in our_commands(block):
         if "--help" in arguments:
             continue
@@ -174,28 +148,12 @@ def test_the_options_of_each_command_exist(
         elif name == "splatbus-client":
             splatbus_viewer.cli._parser().parse_args(arguments)
         else:
-            _parse(arguments)
-
-
-def test_no_command_hides_in_a_block_of_another_kind() -> None:
-    """A command that is to be typed stands in a block of a shell."""
-    for block in ALL:
-        if block.language not in ("", *SHELLS):
-            assert not our_commands(block), block
-
-
-def _parse(arguments: list[str]) -> None:
-    top = parser()
-    found = top.parse_args(arguments)
-    if found.command in ("client", "server"):
-        assert plan_of(found.command, found)
-    if found.command == "replay":
-        if found.file.endswith(".jsonl"):  # a recording: the words say themselves to whom
-            top.parse_args(found.how)
-            return
-        side = "client"
-        if found.file != "FILE" and found.file.endswith(".json"):
-            path = Path(found.file)
-            desk.write_script(path)
-            side = load(path).side
-        top.parse_args([side, *found.how])
+            found = parser().parse_args(arguments)
+            if found.command == "replay" and re.search(r"[A-Z]{3}-\d", found.file):
+                desk.write_script(Path(found.file))
+                found = parser().parse_args([load(Path(found.file)).side, *found.how])
+            if found.command in ("client", "server"):
+                assert plan_of(found.command, found)
+                assert wishes_of(found.command, found)
+            elif found.command == "replay" and found.file.endswith(".jsonl"):
+                parser().parse_args(found.how)  # the words say themselves to whom

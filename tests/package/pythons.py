@@ -53,3 +53,9 @@ def pip_of(environment: Path) -> tuple[str | Path, ...]:
 def scripts(environment: Path) -> Path:
     """Where a virtual environment has its programs."""
     return environment / ("Scripts" if os.name == "nt" else "bin")
+
+
+def program_of(environment: Path, command: str) -> str:
+    found = shutil.which(command, path=str(scripts(environment)))
+    assert found is not None
+    return found

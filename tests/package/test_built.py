@@ -11,27 +11,15 @@ from tests.package.building import ROOT, build, copy, digest, tracked
 
 MEBIBYTE = 1 << 20
 PACKAGES = {
-    "splatbus_schemas": "schemas",
-    "splatbus_wire": "schemas",
-    "splatbus_server": "reference_server",
-    "splatbus_renderer": "reference_server",
-    "splatbus_splats": "reference_server",
-    "splatbus_client": "reference_client",
-    "splatbus_viewer": "reference_client",
-    "splatbus_conformance": "conformance",
+    "schemas": ("splatbus_schemas", "splatbus_wire"),
+    "reference_server": ("splatbus_server", "splatbus_renderer", "splatbus_splats"),
+    "reference_client": ("splatbus_client", "splatbus_viewer"),
+    "conformance": ("splatbus_conformance",),
 }
-SOURCES = {
-    *(".ci", ".gitattributes", ".gitignore", "CHANGELOG.md", "LICENSE", "README.md"),
-    *(
-        "CONTRIBUTING.md",
-        "RELEASING.md",
-        "SECURITY.md",
-        "constraints.txt",
-        "pyproject.toml",
-        "action.yml",
-    ),
-    *("benchmarks", "conformance", "reference_client", "reference_server", "schemas"),
-    *("spec", "tests"),
+TOP = {
+    *(".ci", ".gitattributes", ".gitignore", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE"),
+    *("README.md", "RELEASING.md", "SECURITY.md", "action.yml", "constraints.txt"),
+    *("pyproject.toml", "benchmarks", "spec", "tests", *PACKAGES),
 }
 """What may lie at the top of the repository, and so of the sdist."""
 KINDS = {".py", ".json", ".c", ".h", ".cu", ".html", ".css", ".js", ".j2", ".lua", ".vert", ".frag"}
@@ -49,64 +37,38 @@ def built(files: list[str], tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return build(sources, tmp_path_factory.mktemp("dist"), TZ="UTC", LC_ALL="C.UTF-8")
 
 
-def names_in(built: tuple[Path, Path]) -> tuple[set[str], set[str]]:
-    """The files in the wheel, and those in the sdist without its top folder."""
-    wheel, sdist = built
-    with zipfile.ZipFile(wheel) as archive, tarfile.open(sdist) as tape:
-        return set(archive.namelist()), {name.split("/", 1)[1] for name in tape.getnames()}
-
-
 def test_the_sdist_is_the_checkout(files: list[str], built: tuple[Path, Path]) -> None:
-    _, inside = names_in(built)
+    with tarfile.open(built[1]) as tape:
+        inside = {name.split("/", 1)[1] for name in tape.getnames()}
     assert inside == {*files, "PKG-INFO"}
-    assert {name.split("/")[0] for name in inside} <= SOURCES | {"PKG-INFO"}
+    assert {name.split("/")[0] for name in files} <= TOP
 
 
-def test_the_wheel_is_these_packages_and_nothing_else(
+def test_the_wheel_is_these_packages_with_their_data_and_nothing_else(
     files: list[str], built: tuple[Path, Path]
 ) -> None:
-    inside, _ = names_in(built)
+    with zipfile.ZipFile(built[0]) as archive:
+        inside = set(archive.namelist())
     described = {name for name in inside if name.split("/")[0].endswith(".dist-info")}
+    packages = [(folder, name) for folder, names in PACKAGES.items() for name in names]
     assert inside - described == {
         name.removeprefix(f"{folder}/")
         for name in files
-        for package, folder in PACKAGES.items()
+        for folder, package in packages
         if name.startswith(f"{folder}/{package}/")
     }
+    typed = {f"{package}/py.typed" for _, package in packages}
+    assert typed <= inside
+    assert {Path(name).suffix for name in inside - typed - described} <= KINDS
     assert {Path(name).name for name in described} == {
         *("METADATA", "WHEEL", "RECORD", "entry_points.txt", "LICENSE"),
     }
 
 
-def test_the_wheel_has_what_each_package_reads_beside_its_modules(
-    built: tuple[Path, Path],
-) -> None:
-    inside, _ = names_in(built)
-    data = {name for name in inside if not name.endswith(".py")}
-    typed = {f"{package}/py.typed" for package in PACKAGES}
-    assert data >= typed
-    assert {Path(name).suffix for name in data - typed if ".dist-info/" not in name} <= KINDS
-    assert data >= {
-        "splatbus_schemas/limits.json",
-        "splatbus_schemas/metamodel.schema.json",
-        "splatbus_schemas/1.0/requirements.json",
-        "splatbus_schemas/1.1/bundle.json",
-        "splatbus_schemas/1.1/welcome.schema.json",
-        "splatbus_schemas/1.1/examples/welcome.json",
-        "splatbus_server/cuda/publish.cu",
-        "splatbus_viewer/window/drawing/picture.frag",
-        "splatbus_conformance/data/report.schema.json",
-        "splatbus_conformance/images/memory/cuda_stand_in/cudart.c",
-    }
-
-
-def test_both_are_small(built: tuple[Path, Path]) -> None:
+def test_both_and_the_pictures_are_small(files: list[str], built: tuple[Path, Path]) -> None:
     wheel, sdist = built
     assert wheel.stat().st_size < 2 * MEBIBYTE
     assert sdist.stat().st_size < 8 * MEBIBYTE
-
-
-def test_pictures_are_small(files: list[str]) -> None:
     pictures = (".png", ".jpg", ".webp", ".svg")
     sizes = {name: (ROOT / name).stat().st_size for name in files if name.endswith(pictures)}
     assert {name: size for name, size in sizes.items() if size > 150_000} == {}

@@ -8,85 +8,53 @@ import tomllib
 from importlib.metadata import requires
 from pathlib import Path
 
-import pytest
 from packaging.requirements import Requirement
-from packaging.utils import NormalizedName, canonicalize_name
-from packaging.version import Version
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[2]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
 EXTRAS = PYPROJECT["project"]["optional-dependencies"]
 BUILD = PYPROJECT["build-system"]["requires"]
+LINES = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
+PINS = [Requirement(line) for line in LINES if not line.startswith("#")]
 
 
-def constraints() -> list[Requirement]:
-    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    return [Requirement(line) for line in lines if not line.startswith("#")]
+def applies(wanted: Requirement, *extras: str) -> bool:
+    marker = wanted.marker
+    return not marker or any(marker.evaluate({"extra": extra}) for extra in ("", *extras))
 
 
-def pinned() -> dict[NormalizedName, Version]:
-    """What is installed here under these constraints."""
-    return {
-        canonicalize_name(each.name): Version(str(each.specifier).removeprefix("=="))
-        for each in constraints()
-        if each.marker is None or each.marker.evaluate()
-    }
-
-
-def asked_for(*extras: str) -> list[Requirement]:
-    """What pyproject.toml asks for, in these extras, or without any."""
-    groups = [PYPROJECT["project"]["dependencies"], *(EXTRAS[extra] for extra in extras)]
-    asked = [Requirement(each) for group in groups for each in group]
-    return [each for each in asked if each.name != PYPROJECT["project"]["name"]]
-
-
-def in_turn(asked: list[Requirement]) -> list[Requirement]:
-    """All that, and what the packages installed here need for it."""
+def in_turn() -> dict[str, Requirement]:
+    """What the development environment asks for, and what packages installed here need for it."""
     found: dict[str, Requirement] = {}
-    waiting = list(asked)
+    groups = ("dev", "fast", "site", "splats", "conformance", "window")
+    waiting = [Requirement(it) for group in groups for it in EXTRAS[group]]
+    waiting += map(Requirement, PYPROJECT["project"]["dependencies"])
     while waiting:
         wanted = waiting.pop()
-        if str(wanted) in found:
+        if str(wanted) in found or wanted.name == PYPROJECT["project"]["name"]:
             continue
         found[str(wanted)] = wanted
-        for line in requires(wanted.name) or ():
-            needed = Requirement(line)
-            if needed.marker is None or any(
-                needed.marker.evaluate({"extra": extra}) for extra in ("", *wanted.extras)
-            ):
-                waiting.append(needed)
-    return list(found.values())
+        needed = map(Requirement, requires(wanted.name) or ())
+        waiting += [each for each in needed if applies(each, *wanted.extras)]
+    return found
 
 
 def test_every_line_pins_one_version_exactly() -> None:
-    loose = [str(c) for c in constraints() if not re.fullmatch(r"==[\w.!+]+", str(c.specifier))]
-    assert constraints()
-    assert loose == []
+    assert [str(it) for it in PINS if not re.fullmatch(r"==[\w.!+]+", str(it.specifier))] == []
 
 
-@pytest.mark.parametrize(
-    "wanted", [*asked_for(*EXTRAS), *(Requirement(each) for each in BUILD)], ids=str
-)
-def test_what_pyproject_asks_for_is_pinned_in_its_range(wanted: Requirement) -> None:
-    assert pinned()[canonicalize_name(wanted.name)] in wanted.specifier
-
-
-def test_what_that_needs_in_turn_is_pinned_too_in_its_range() -> None:
-    pins = pinned()
-    wanted = in_turn(asked_for("dev", "fast", "site", "splats"))
-    missing = {each.name for each in wanted if canonicalize_name(each.name) not in pins}
-    assert missing == set()
-    outside = [str(w) for w in wanted if pins[canonicalize_name(w.name)] not in w.specifier]
+def test_what_is_asked_for_and_what_that_needs_in_turn_is_pinned_in_its_range() -> None:
+    pinned = {canonicalize_name(it.name): str(it.specifier)[2:] for it in PINS if applies(it)}
+    asked = {it for group in EXTRAS.values() for it in map(Requirement, group)}
+    wanted = [*in_turn().values(), *(it for it in asked if it.name != PYPROJECT["project"]["name"])]
+    assert {it.name for it in wanted if canonicalize_name(it.name) not in pinned} == set()
+    outside = [it for it in wanted if pinned[canonicalize_name(it.name)] not in it.specifier]
     assert outside == []
-    assert len(wanted) > len(asked_for("dev", "fast", "site", "splats"))
 
 
-def test_the_tool_that_builds_is_the_one_that_development_has() -> None:
+def test_what_builds_is_what_development_has_and_the_readme_tests_with_these() -> None:
     assert set(BUILD) <= set(EXTRAS["dev"])
-
-
-def test_the_readme_tests_with_these() -> None:
-    readme = (ROOT / "README.md").read_text("utf-8")
-    (command,) = re.findall(r"^.*-m tests$", readme, re.MULTILINE)
+    (command,) = re.findall(r"^.*-m tests$", (ROOT / "README.md").read_text("utf-8"), re.MULTILINE)
     installs = "pip install --quiet --no-compile --constraint constraints.txt --editable '.[dev]'"
     assert installs in command

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.package.building import ROOT, build
-from tests.package.pythons import COMMANDS, pip_of, run, scripts
+from tests.package.pythons import COMMANDS, pip_of, program_of, run, scripts
 
 MYPY_INI = """\
 [mypy]
@@ -39,19 +39,13 @@ def test_it_and_its_dependencies_agree(environment: Path) -> None:
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_says_what_it_does(environment: Path, command: str) -> None:
-    program = shutil.which(command, path=str(scripts(environment)))
-    assert program is not None
-    done = run(program, "--help", cwd=environment)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith(f"usage: {command} ")
-
-
-def test_it_is_the_wheel_that_runs(environment: Path) -> None:
+def test_it_is_the_wheel_that_runs_and_every_command_says_what_it_does(environment: Path) -> None:
     program = "import splatbus_conformance; print(splatbus_conformance.__file__)"
     done = run(scripts(environment) / "python", "-c", program, cwd=environment)
     assert Path(done.stdout.strip()).is_relative_to(environment), done
+    for command in COMMANDS:
+        done = run(program_of(environment, command), "--help", cwd=environment)
+        assert done.stdout.startswith(f"usage: {command} "), done
 
 
 def test_it_judges_from_end_to_end(environment: Path) -> None:

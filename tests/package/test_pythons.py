@@ -1,6 +1,5 @@
 """Every Python that pyproject.toml names can install what it is for; others are told why not."""
 
-import shutil
 import sys
 import tomllib
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.package.building import ROOT, build
-from tests.package.pythons import COMMANDS, pip_of, python, run, scripts
+from tests.package.pythons import COMMANDS, pip_of, program_of, python, run, scripts
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 NAMED = "Programming Language :: Python :: 3."
@@ -38,7 +37,7 @@ def test_a_clean_environment_takes_it(wheel: Path, tmp_path: Path, version: str)
     constraints = ("--constraint", ROOT / "constraints.txt")
     its_python = installed(interpreter(version), tmp_path, f"{wheel}[conformance]", *constraints)
     for command in COMMANDS:
-        done = run(program(tmp_path, command), "--help", cwd=tmp_path)
+        done = run(program_of(tmp_path, command), "--help", cwd=tmp_path)
         assert done.stdout.startswith(f"usage: {command} "), done
     done = run(its_python, "-m", "splatbus_conformance", "--plain", "list", cwd=tmp_path)
     assert "FRM-3" in done.stdout, done
@@ -52,9 +51,9 @@ def test_an_older_one_takes_the_pair_and_numpy_alone(
     done = run(*pip_of(tmp_path), "list", "--format=freeze", cwd=tmp_path)
     names = {line.partition("==")[0] for line in done.stdout.split()}
     assert names == {"numpy", "splatbus-protocol"}
-    done = run(program(tmp_path, "splatbus-client"), "snapshot", "it.png", cwd=tmp_path)
+    done = run(program_of(tmp_path, "splatbus-client"), "snapshot", "it.png", cwd=tmp_path)
     assert "pip install 'splatbus-protocol[client]'" in done.stderr
-    done = run(program(tmp_path, "splatbus-conformance"), cwd=tmp_path)
+    done = run(program_of(tmp_path, "splatbus-conformance"), cwd=tmp_path)
     assert done.stderr.startswith(f"Python 3.11 or newer is needed, and this is {version}.")
     assert done.stderr.count("\n") == 1
     judged = (
@@ -62,7 +61,7 @@ def test_an_older_one_takes_the_pair_and_numpy_alone(
         ("server", "--quiet --size 64x48", "FRM-3,REQ-7,IMG-5"),
     )
     for side, words, select in judged:
-        launch = f'"{program(tmp_path, f"splatbus-{side}")}" {words}'
+        launch = f'"{program_of(tmp_path, f"splatbus-{side}")}" {words}'
         judging = ("-m", "splatbus_conformance", "--plain", side, "--launch", launch)
         done = run(sys.executable, *judging, "--select", select, cwd=tmp_path)
         assert done.returncode == 0, done.stdout
@@ -88,12 +87,6 @@ def installed(base: Path, folder: Path, *wanted: str | Path) -> Path:
     done = run(*pip, "check", cwd=folder)
     assert done.returncode == 0, done.stdout
     return scripts(folder) / "python"
-
-
-def program(folder: Path, command: str) -> str:
-    found = shutil.which(command, path=str(scripts(folder)))
-    assert found is not None
-    return found
 
 
 def test_pip_refuses_an_older_one_and_says_why(wheel: Path, tmp_path: Path) -> None:

@@ -25,17 +25,12 @@ All changes.
 
 def test_they_are_the_topmost_section_without_its_heading() -> None:
     assert release_notes(CHANGELOG, "0.2.0") == "### Wire\n\n- Faster.\n"
-
-
-def test_a_first_release_ends_with_the_file() -> None:
-    first = "# Changelog\n\n## 0.1.0 (2026-11-21)\n\n- First.\n"
-    assert release_notes(first, "0.1.0") == "- First.\n"
+    assert release_notes(CHANGELOG[CHANGELOG.index("## 0.1.0") :], "0.1.0") == "- First.\n"
 
 
 @pytest.mark.parametrize(
     ("changelog", "version", "complaint"),
     [
-        (CHANGELOG, "0.3.0", r"pyproject\.toml says 0\.3\.0, .* begins with 0\.2\.0"),
         (CHANGELOG, "0.1.0", r"pyproject\.toml says 0\.1\.0, .* begins with 0\.2\.0"),
         ("# Changelog\n", "0.1.0", "begins with no version"),
         ("## 0.1.0 (2026-11-21)\n\n## 0.0.9 (2026-11-01)\n\n- It.\n", "0.1.0", "says nothing"),

@@ -8,7 +8,7 @@ from splatbus_conformance.checks.registry import exclusions, judges
 from splatbus_conformance.verdicts import Result
 
 NOTHING_CAME = "nothing that it is about was seen on the wire"
-NOT_RUN = "its checks are not in this run: --profile full"
+NOT_RUN = "its checks did not run; a live run with --profile full has all of them"
 NOWHERE = "no run shows it"
 
 
@@ -27,12 +27,13 @@ def unseen(
     found: dict[str, list[str]] = {}
     for name in judged:
         if name not in said:
-            found.setdefault(_why(name, side), []).append(name)
+            found.setdefault(why(name, side), []).append(name)
     return found
 
 
-def _why(name: str, side: str) -> str:
+def why(name: str, side: str) -> str:
+    """Why nothing was said of a requirement in a run that had none deselected."""
     if excluded := exclusions(side).get(name):
         return f"{NOWHERE}: {excluded.reason}"
-    by_rules_alone = all(judge.level == "L0" for judge in judges(side)[name])
+    by_rules_alone = all(judge.level == "L0" for judge in judges(side).get(name, ()))
     return NOTHING_CAME if by_rules_alone else NOT_RUN

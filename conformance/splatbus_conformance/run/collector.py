@@ -3,28 +3,12 @@
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 from splatbus_conformance.checks import Check
 from splatbus_conformance.reports.findings import Findings
+from splatbus_conformance.reports.terminal import LiveProgress
 from splatbus_conformance.run.checker import Told
 from splatbus_conformance.verdicts import Level, Result, Verdict
-
-
-class Progress(Protocol):
-    """Told of the run as it goes."""
-
-    def say(self, text: str) -> None:
-        """Something that the user has to do or know."""
-
-    def begin(self, seconds: Mapping[str, float]) -> None:
-        """These checks will run, each of which took so many seconds once."""
-
-    def start(self, check: str, requirement: str) -> None:
-        """This one runs now."""
-
-    def done(self, result: Result) -> None:
-        """One has its verdict."""
 
 
 class Collector:
@@ -33,7 +17,7 @@ class Collector:
     def __init__(
         self,
         findings: Findings,
-        progress: Progress,
+        progress: LiveProgress,
         checks: Mapping[str, Check],
         seconds: Mapping[str, float],
     ) -> None:

@@ -13,10 +13,11 @@ from splatbus_schemas.requirements import requirements
 from splatbus_conformance.checks import Check
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
 from splatbus_conformance.reports.findings import Findings
+from splatbus_conformance.reports.terminal import LiveProgress
 from splatbus_conformance.run import room
 from splatbus_conformance.run import workers as parallel
 from splatbus_conformance.run.checker import Checker, selected
-from splatbus_conformance.run.collector import Collector, Progress
+from splatbus_conformance.run.collector import Collector
 from splatbus_conformance.run.testbed import set_up
 from splatbus_conformance.verdicts import INTERRUPTED
 from splatbus_conformance.wire.secrets import hidden
@@ -28,7 +29,7 @@ FEWEST_CHECKS = 24
 """Fewer than these are done before further testees have started."""
 
 
-def run_checks(plan: Plan, progress: Progress, until: float = math.inf) -> Findings:
+def run_checks(plan: Plan, progress: LiveProgress, until: float = math.inf) -> Findings:
     """Run every check that the plan selects; the rules judge all that crosses the wire.
 
     If somebody presses Ctrl-C once the testee was met, or it is `until` by the monotonic clock, the

@@ -1,7 +1,7 @@
-"""The command line: its examples, and what it refuses before anything is started."""
+"""The command line: its examples, what it lists, and what it refuses before anything starts."""
 
 import io
-import os
+import json
 import shlex
 import subprocess
 import sys
@@ -16,12 +16,13 @@ from splatbus_conformance.cli import selftest
 from splatbus_conformance.cli.arguments import plan_of
 from splatbus_conformance.cli.examples import EXAMPLES
 from splatbus_conformance.cli.main import main
-from splatbus_conformance.cli.options import FORMATS
 from splatbus_conformance.cli.parsing import parser
-from splatbus_conformance.plan import SIDES, Usage
-from splatbus_conformance.reports.console import console
+from splatbus_conformance.plan import SIDES
+from splatbus_conformance.reports.console import PLAIN_WIDTH, console
+from splatbus_conformance.reports.files.stored import validator
 from splatbus_conformance.verdicts import EXIT_INTERRUPTED
 from splatbus_schemas import LIMITS, version
+from splatbus_schemas.requirements import requirements
 
 from tests.conformance.harness import run, said
 
@@ -31,6 +32,8 @@ LINES = [
     for line in text.replace("\\\n", "").splitlines()
     if line.startswith("  splatbus-conformance")
 ]
+RECORDINGS = Path(__file__).parents[2] / "data" / "recordings"
+VIEWER, UNITY = (str(RECORDINGS / f"{it}.jsonl") for it in ("opengl-viewer", "unity-csharp"))
 
 
 @pytest.mark.parametrize("line", LINES)
@@ -45,44 +48,55 @@ def test_examples_are_command_lines(line: str) -> None:
         plan_of(given.command, given)
 
 
-@pytest.mark.parametrize("command", [name for name in EXAMPLES if name])
-def test_help_ends_with_the_examples_of_its_command_and_fits_a_terminal(
-    command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("command", EXAMPLES)
+def test_help_ends_with_examples_and_fits_a_terminal(
+    command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    with pytest.raises(SystemExit) as end:
-        main([command, "--help"])
-    assert end.value.code == 0
-    output = capsys.readouterr().out
+    status, output = said(*filter(None, [command, "--help"]))
+    assert status == 0
     assert output.endswith(EXAMPLES[command])
-    examples = [line for line in LINES if line.split()[1] == command]
-    assert len(examples) > (command == "client")
     assert max(map(len, output.splitlines())) <= 100
 
 
-@pytest.mark.parametrize("command", ["client", "server", "demo", "audit", "proxy"])
-def test_every_run_offers_every_format(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main([command, "--help"])
-    output = capsys.readouterr().out
-    assert [name for name in FORMATS if f"--{name} FILE" not in output] == []
-
-
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("line", "told"),
     [
-        (["--launch", "x", "--ports", "6001"], "two numbers are wanted"),
-        (["--launch", "x", "--ports", "6001,6001"], "IPC and message need a port each"),
-        (["--launch", "x", "--ports", "6001,65536"], "to 65535"),
-        (["--launch", "x", "--ports=-1,6000"], "a port is a number from 0"),
-        (["--launch", "x", "--viewport", "0x48"], "1 to"),
-        (["--launch", "x", "--viewport", f"{LIMITS['max_image_size'] + 1}x1"], "1 to"),
-        (["--launch", "x", "--viewport", "big"], "width and height are wanted"),
+        ("client --launch x --ports 6001", "two numbers are wanted"),
+        ("client --launch x --ports 6001,6001", "IPC and message need a port each"),
+        ("client --launch x --ports 6001,65536", "to 65535"),
+        ("client --launch x --ports=-1,6000", "a port is a number from 0"),
+        ("client --launch x --viewport 0x48", "1 to"),
+        (f"client --launch x --viewport {LIMITS['max_image_size'] + 1}x1", "1 to"),
+        ("client --launch x --viewport big", "width and height are wanted"),
+        ("client --launch ' '", "a command is wanted"),
+        ("client --adapter ''", "a command is wanted"),
+        ("client --launch x --require-coverage 101%", "a whole number of percent is wanted"),
+        ("client --launch x --wait", "not allowed with"),
+        ("client", "required"),
+        ("client --launch x --select FRM-999", "FRM-999"),
+        ("client --wait --parallel 2", "use --launch or --adapter, and leave out --ports"),
+        ("client --launch x --ports 1,2 --parallel 2", "and leave out --ports"),
+        ("client --launch x --parallel 0", "0 testees are none"),
+        ("client --launch x --within 0m", "'0m' is no time: one is wanted such as 90s"),
+        ("client --launch x --profile soak --within 5m", "as --minutes says"),
+        ("client --wait --stand-in-cuda", "only for what it starts: use --launch or --adapter"),
+        ("clinet --launch x", "did you mean client?"),
+        ("client --launch x --profile QUICK", "did you mean quick?"),
+        ("audit x.jsonl --peer sever", "did you mean server?"),
+        ("audit x.jsonl", "No such file"),
+        (f"audit {__file__}", "line 1"),
+        (f"replay {UNITY} --launch x", "say whom it is to be played to"),
+        ("explain FRM3", "did you mean FRM-3?"),
+        ("explain FMR-3", "did you mean FRM-3"),
+        ("explain FRM", "a clause, with FRM-1, FRM-2"),
+        ("explain zzz", "the families are ACC"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(words: list[str], told: str) -> None:
-    with pytest.raises(Usage, match=told):
-        plan_of("client", parser().parse_args(["client", *words]))
+def test_what_cannot_be_meant_is_refused_and_what_is_near_is_named(line: str, told: str) -> None:
+    status, output = said(*shlex.split(line))
+    assert status == 2
+    assert told in " ".join(output.split())
 
 
 def test_free_ports_may_be_asked_for_twice() -> None:
@@ -90,50 +104,20 @@ def test_free_ports_may_be_asked_for_twice() -> None:
     assert plan_of("client", given).ports == (0, 0)
 
 
-@pytest.mark.parametrize("option", ["--launch", "--adapter"])
-@pytest.mark.parametrize("command", ["", " "])
-def test_a_blank_command_is_none(
-    option: str, command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(["client", option, command])
-    assert end.value.code == 2
-    assert "a command is wanted" in capsys.readouterr().err
-
-
-def test_a_terminal_that_lacks_a_character_gets_another(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("terminal", [True, False])
+def test_plain_lines_fit_the_terminal_if_there_is_one_and_what_it_lacks_is_replaced(
+    terminal: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     raw = io.BytesIO()
-    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
-    console(True).print("client → server ✓")
-    sys.stdout.flush()
+    out = io.TextIOWrapper(raw, encoding="ascii")
+    monkeypatch.setattr(out, "isatty", lambda: terminal)
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setenv("COLUMNS", "70")
+    plain = console(True)
+    plain.print("client → server ✓")
+    out.flush()
     assert raw.getvalue().decode().split() == ["client", "?", "server", "?"]
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="it takes a terminal of POSIX")
-@pytest.mark.parametrize(("terminal", "most"), [(True, 70), (False, 240)])
-def test_plain_lines_fit_the_terminal_if_there_is_one(terminal: bool, most: int) -> None:
-    import fcntl
-    import pty
-    import struct
-    import termios
-
-    ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 70, 0, 0))
-    environment = {name: value for name, value in os.environ.items() if name != "COLUMNS"}
-    done = subprocess.run(
-        [sys.executable, "-m", "splatbus_conformance", "--plain", "explain", "CHN-20"],
-        stdin=theirs if terminal else subprocess.DEVNULL,
-        stdout=theirs if terminal else subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        env=environment,
-    )
-    os.close(theirs)
-    output = os.read(ours, 1 << 16) if terminal else done.stdout
-    os.close(ours)
-    longest = max(len(line.rstrip()) for line in output.decode().splitlines())
-    assert most / 2 < longest <= most
+    assert plain.width == (70 if terminal else PLAIN_WIDTH)
 
 
 @pytest.mark.parametrize(
@@ -147,9 +131,8 @@ def test_plain_lines_fit_the_terminal_if_there_is_one(terminal: bool, most: int)
 def test_the_version_is_that_of_the_distribution(
     name: str, command: Callable[[list[str]], int], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as end:
+    with pytest.raises(SystemExit):
         command(["--version"])
-    assert end.value.code == 0
     assert capsys.readouterr().out == f"{name} {metadata.version('splatbus-protocol')}\n"
 
 
@@ -159,38 +142,42 @@ def test_it_runs_where_nothing_is_installed(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 @pytest.mark.parametrize(
-    ("words", "hint"),
+    ("line", "status", "told"),
     [
-        (["clinet", "--launch", "x"], "did you mean client?"),
-        (["client", "--launch", "x", "--profile", "ful"], "did you mean full?"),
-        (["client", "--launch", "x", "--profile", "QUICK"], "did you mean quick?"),
-        (["audit", "x.jsonl", "--peer", "sever"], "did you mean server?"),
+        ([VIEWER, "--peer", "client"], 1, ["client: not conforming: JSN-4", "/position/x"]),
+        ([VIEWER, "--peer", "server"], 0, ["server: conforming at L0"]),
+        ([UNITY], 0, ["client: conforming at L0", "advice not followed: FRM-7", "server: "]),
+        ([UNITY, "--peer", "client", "--strict"], 1, ["advice not followed: FRM-7"]),
+        ([VIEWER, UNITY], 1, ["JSN-4"]),
+        (["/dev/null"], 3, ["no verdict: nothing was observed"]),
     ],
 )
-def test_a_word_that_is_not_known_is_answered_with_what_is_near(
-    words: list[str], hint: str, capsys: pytest.CaptureFixture[str]
+def test_recordings_are_judged(
+    line: list[str], status: int, told: list[str], tmp_path: Path
 ) -> None:
-    with pytest.raises(SystemExit) as end:
-        main(words)
-    assert end.value.code == 2
-    assert hint in capsys.readouterr().err
+    path = tmp_path / "audit.json"
+    found, output = said("audit", *line, "--json", str(path))
+    assert found == status
+    assert [each for each in told if each not in output] == []
+    reports = json.loads(path.read_text("utf-8"))
+    validator().validate(reports)
+    for report in reports:
+        skipped = sum(it["verdict"] == "skip" for it in report["requirements"])
+        assert report["observed"] == len(report["requirements"]) - skipped
+        assert f"{report['side']}: {report['summary']}" in output
 
 
-@pytest.mark.parametrize(
-    ("word", "told"),
-    [
-        ("FRM3", "did you mean FRM-3?"),
-        ("frm_3", "did you mean FRM-3"),
-        ("FMR-3", "did you mean FRM-3"),
-        ("FRM", "a clause, with FRM-1, FRM-2"),
-        ("zzz", "the families are ACC"),
-    ],
-)
-def test_an_id_that_is_none_is_answered_with_what_is_near(
-    word: str, told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["--plain", "explain", word]) == 2
-    assert told in capsys.readouterr().out
+def test_every_requirement_is_listed_and_explained() -> None:
+    status, output = said("list")
+    assert status == 0
+    assert set(requirements("1.1")) <= set(output.split())
+    status, output = said("explain", *(name.lower() for name in requirements("1.1")))
+    assert status == 0
+    plain = " ".join(output.split())
+    for name, it in requirements("1.1").items():
+        told = plain[plain.index(f"{name} {it.level} {it.chapter}") :]
+        assert " ".join(it.sentence.split()) in told
+        assert [peer for peer in it.binds if f" {peer} " not in told] == []
 
 
 def test_an_interrupt_ends_with_its_status_wherever_it_comes(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from splatbus_conformance.wire.recording import Entry
 from splatbus_conformance.wire.saving import save
 
 from tests.conformance.harness import run, said
-from tests.conformance.reports.stored_reports import failure, report_of
+from tests.conformance.reports.stored_reports import of_a_testee
 
 ESCAPES = "\x1b[2J\x1b]0;owned\x07\x9b31m\u202e\u2066\u200b\x08\x0b\r"
 ORDERS = "\n::error::owned\n  ::set-output name=a::b\nx ##[error]y ##vso[task.complete]z\n"
@@ -29,8 +29,11 @@ def assert_harmless(output: str, told: str = r"\x1b[2J") -> None:
     assert told in output, "or it was not shown at all"
 
 
-def session(path: Path) -> Path:
-    """A recording in which both sides say hostile things wherever there is room for them."""
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A recording, a report, a script and what is none, which say hostile things wherever there is
+    room for them.
+    """
     says = {
         "c2s": [{"type": "hello", "versions": ["1.1"], "capabilities": [HOSTILE], "client": NAME}],
         "s2c": [
@@ -44,91 +47,59 @@ def session(path: Path) -> Path:
         for message in messages:
             data = packet(json.dumps(message).encode())
             entries += (Entry(1.0, it, 1, direction, data) for it in ("ipc", "msg"))  # type: ignore[arg-type]
-    save(entries, path)
-    return path
+    save(entries, tmp_path / f"{NAME}.jsonl")
+    report = of_a_testee(HOSTILE)
+    report["requirements"][0]["sentence"] = HOSTILE
+    report["environment"] = dict.fromkeys(report["environment"], HOSTILE)
+    (tmp_path / "report.json").write_text(json.dumps(report), "utf-8")
+    (tmp_path / NAME).write_text(json.dumps({HOSTILE: HOSTILE, "format": HOSTILE}), "utf-8")
+    script = Script("client", "FRM-3", HOSTILE, False, (), seen=HOSTILE)
+    (tmp_path / "script.json").write_text(as_text(script), "utf-8")
+    return tmp_path
 
 
-@pytest.mark.parametrize("side", ["client", "server"])
-def test_what_a_testee_prints(side: str) -> None:
-    status, output = run(side, "--launch", PRINTS, "--patience", "2")
+@pytest.mark.parametrize(
+    "how", [["client", "--launch"], ["client", "--adapter"], ["server", "--launch"]]
+)
+def test_what_a_testee_prints(how: list[str]) -> None:
+    status, output = run(*how, PRINTS, "--patience", "2")
     assert status == 3
-    assert_harmless(output)
-
-
-def test_what_an_adapter_prints() -> None:
-    status, output = run("client", "--adapter", PRINTS, "--patience", "2")
-    assert status == 3
-    assert_harmless(output)
-
-
-def test_a_recording_that_is_judged_and_its_name(tmp_path: Path) -> None:
-    path = session(tmp_path / f"{NAME}.jsonl")
-    status, output = run("audit", str(path))
-    assert status == 1
-    assert_harmless(output)
-
-
-def test_a_recording_that_is_played_again(tmp_path: Path) -> None:
-    path = session(tmp_path / "session.jsonl")
-    status, output = run("replay", str(path), "client", "--launch", PRINTS, "--patience", "2")
-    assert status in (1, 3)
-    assert_harmless(output, "Played")
-
-
-@pytest.mark.parametrize("kind", ["--junit", "--html", "--markdown", "--badge"])
-def test_a_stored_report_and_what_is_made_of_it(kind: str, tmp_path: Path) -> None:
-    stored = report_of(
-        failure(HOSTILE), testee=HOSTILE, summary=HOSTILE, complaints=[HOSTILE], advice=[HOSTILE]
-    )
-    stored["requirements"][0]["sentence"] = HOSTILE
-    stored["environment"] = dict.fromkeys(stored["environment"], HOSTILE)
-    path, made = tmp_path / "report.json", tmp_path / "made"
-    path.write_text(json.dumps(stored), "utf-8")
-    status, output = run("report", str(path), kind, str(made))
-    assert status == 0
-    assert_harmless(output)
-    text = made.read_text("utf-8")
-    assert all(each.isprintable() or each in "\n\t" for each in text)
-
-
-def test_a_report_that_is_none(tmp_path: Path) -> None:
-    path = tmp_path / f"{NAME}.json"
-    path.write_text(json.dumps({HOSTILE: HOSTILE, "format": HOSTILE}), "utf-8")
-    status, output = run("report", str(path), "--html", str(tmp_path / "page.html"))
-    assert status == 2
-    assert_harmless(output)
-
-
-def test_a_script_that_is_delivered(tmp_path: Path) -> None:
-    path = tmp_path / "script.json"
-    path.write_text(as_text(Script("client", "FRM-3", HOSTILE, False, (), seen=HOSTILE)), "utf-8")
-    status, output = run("replay", str(path), "--launch", PRINTS, "--patience", "2")
-    assert status in (2, 3)
     assert_harmless(output)
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("line", "status"),
     [
-        [HOSTILE],
-        ["audit", HOSTILE],
-        ["audit", NAME, "--peer", HOSTILE],
-        ["client", "--wait", "--ports", HOSTILE],
-        ["client", "--wait", "--select", HOSTILE],
-        ["client", "--wait", "--html", f"/nowhere/{NAME}"],
-        ["client", "--wait", "--expect-failures", f"/nowhere/{NAME}"],
-        ["client", "--launch", f'{HOSTILE} "'],
-        ["client", "--launch", "x", f"--{HOSTILE}"],
-        ["server", "--connect", "--host", NAME, "--patience", "1"],
-        ["proxy", "--to", HOSTILE],
-        ["proxy", "--record", f"/nowhere/{NAME}"],
-        ["replay", HOSTILE],
-        ["report", HOSTILE],
-        ["explain", HOSTILE],
+        (["audit", f"{NAME}.jsonl"], 1),
+        (["replay", f"{NAME}.jsonl", "client", "--launch", PRINTS, "--patience", "2"], 3),
+        (["report", "report.json", "--junit", "made"], 0),
+        (["report", "report.json", "--html", "made"], 0),
+        (["report", "report.json", "--markdown", "made"], 0),
+        (["report", "report.json", "--badge", "made"], 0),
+        (["report", NAME, "--html", "made"], 2),
+        (["replay", "script.json", "--launch", PRINTS, "--patience", "2"], 3),
+        ([HOSTILE], 2),
+        (["audit", NAME, "--peer", HOSTILE], 2),
+        (["client", "--wait", "--ports", HOSTILE], 2),
+        (["client", "--wait", "--select", HOSTILE], 2),
+        (["client", "--wait", "--html", f"/nowhere/{NAME}"], 2),
+        (["client", "--wait", "--expect-failures", f"/nowhere/{NAME}"], 2),
+        (["client", "--launch", f'{HOSTILE} "'], 2),
+        (["client", "--launch", "x", f"--{HOSTILE}"], 2),
+        (["server", "--connect", "--host", NAME, "--patience", "1"], 3),
+        (["proxy", "--to", HOSTILE], 2),
+        (["replay", HOSTILE], 2),
+        (["explain", HOSTILE], 2),
     ],
-    ids=lambda words: " ".join(words)[:24].encode("unicode_escape").decode(),
+    ids=lambda line: ascii(line)[:40],
 )
-def test_what_an_argument_says(words: list[str]) -> None:
-    status, output = said(*words)
-    assert status in (2, 3), output
+def test_what_a_file_or_an_argument_says(
+    line: list[str], status: int, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    found, output = said(*line)
+    assert found == status, output
     assert_harmless(output)
+    if "made" in line and status == 0:
+        text = (folder / "made").read_text("utf-8")
+        assert all(each.isprintable() or each in "\n\t" for each in text)

@@ -14,12 +14,14 @@ from splatbus_conformance.wire.recording import Entry
 
 from tests.waiting import eventually
 
-HALF = b"\x1c\x00\x00\x00{"
-OPEN: dict[str, Any] = {"event": "open"}
-END: dict[str, Any] = {"dir": "c2s", "event": "eof"}
-SAID: dict[str, Any] = {"dir": "c2s", "data": HALF}
-SESSION = [Entry(1.0, "msg", 1, **OPEN), Entry(2.0, "msg", 1, **SAID), Entry(3.0, "msg", 1, **END)]
-NEXT = [Entry(5.0, "msg", 2, **OPEN), Entry(6.0, "msg", 2, **SAID)]
+
+def connection(number: int, began: float) -> list[Entry]:
+    half = Entry(began + 1.0, "msg", number, "c2s", b"\x1c\x00\x00\x00{")
+    return [Entry(began, "msg", number, event="open"), half]
+
+
+SESSION = [*connection(1, 1.0), Entry(3.0, "msg", 1, "c2s", event="eof")]
+NEXT = connection(2, 5.0)
 
 
 @pytest.mark.parametrize(
@@ -32,7 +34,7 @@ NEXT = [Entry(5.0, "msg", 2, **OPEN), Entry(6.0, "msg", 2, **SAID)]
         pytest.param([], [], True, id="somebody else started it"),
     ],
 )
-def test_half_a_packet_is_held_against_who_lives(more, lives, accused) -> None:
+def test_half_a_packet_is_held_against_who_lives(more: Any, lives: Any, accused: bool) -> None:
     entries = [*SESSION, *more]
     recorded = conversations(entries)
     note_deaths(recorded, entries, "c2s", lives)

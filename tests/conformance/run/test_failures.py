@@ -5,17 +5,18 @@ they are told.
 """
 
 import shlex
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import fields, replace
 from itertools import cycle
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from splatbus_conformance.cases.script import Case, Script, as_text, load
 from splatbus_conformance.cli.arguments import plan_of
 from splatbus_conformance.cli.parsing import parser
-from splatbus_conformance.plan import SIDES, NoVerdict, Plan
+from splatbus_conformance.plan import SIDES, NoVerdict, Plan, Side
 from splatbus_conformance.run import failures, replay
 from splatbus_conformance.run.failures import work_out
 from splatbus_conformance.run.options import as_options
@@ -23,139 +24,131 @@ from splatbus_conformance.selection import Selection
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 PLAN = Plan("client", "./my-viewer", "127.0.0.1", (0, 0), (64, 48), 10.0)
-Fails = Callable[[str, tuple[Case, ...]], bool]
+WAITED = replace(PLAN, launch=None, ports=(6001, 6000))
+Fails = Callable[[tuple[Case, ...]], bool]
 
 
-def failure(requirement: str, *cases: int, verdict: Verdict = Verdict.FAIL) -> Result:
-    row = tuple(Case(False, number) for number in cases)
-    script = Script("client", requirement, "check_it", False, (row,))
-    return Result(requirement, "check_it", Level.WIRE, verdict, "first", script=as_text(script))
-
-
-class Desk:
-    """Where scripts are delivered; the clock goes on by a second for each."""
-
-    def __init__(self, fails: Fails) -> None:
-        self.fails = fails
-        self.now = 0.0
-        self.delivered: list[tuple[str, int]] = []
-        """The requirement, and how many cases."""
-
-    def replay(self, testbed: object, script: Script) -> replay.Replay:
-        self.now += 1
-        (row,) = script.cases
-        self.delivered.append((script.requirement, len(row)))
-        broken = "again" if self.fails(script.requirement, row) else None
-        trial = SimpleNamespace(simpler=[])
-        return replay.Replay(broken, "", trial, ("bytes",))  # type: ignore[arg-type]
-
-
-@pytest.fixture
-def desk(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Desk]:
-    made = Desk(request.param)
-    clock = SimpleNamespace(monotonic=lambda: made.now)
-    for module in (failures, replay):
-        monkeypatch.setattr(module, "replay", made.replay)
-        monkeypatch.setattr(module, "time", clock)
-    testbed = SimpleNamespace(introduce=lambda: None, close=lambda: None)
-    monkeypatch.setattr(failures, "set_up", lambda plan: testbed)
-    return made
-
-
-def told(folder: Path, *results: Result, seconds: float = 1000.0, plan: Plan = PLAN) -> list[str]:
-    given = work_out(plan, results, folder, seconds, lambda text: None)
-    assert [it.verdict for it in given] == [it.verdict for it in results]
-    return [it.smallest for it in given]
-
-
-def always(requirement: str, row: tuple[Case, ...]) -> bool:
+def always(row: tuple[Case, ...]) -> bool:
     return True
 
 
-def never(requirement: str, row: tuple[Case, ...]) -> bool:
+def never(row: tuple[Case, ...]) -> bool:
     return False
 
 
-@pytest.mark.parametrize("desk", [always], indirect=True)
-def test_each_is_seen_again_before_any_is_made_small(desk: Desk, tmp_path: Path) -> None:
-    said = told(tmp_path, failure("FRM-1", 1, 2, 3), failure("FRM-3", 4), seconds=3.0)
-    assert desk.delivered[:2] == [("FRM-1", 3), ("FRM-3", 1)]
-    assert all("tried" in it and "not tried" not in it for it in said)
+def now_and_then() -> Fails:
+    order = cycle([True, False, True])
+    return lambda row: next(order)
 
 
-@pytest.mark.parametrize("desk", [always], indirect=True)
-def test_what_time_did_not_reach_is_not_said_to_be_gone(desk: Desk, tmp_path: Path) -> None:
-    said = told(tmp_path, *(failure(f"FRM-{n}", 1, 2) for n in (1, 2, 3)), seconds=2.0)
-    assert said == [
-        "2 cases; tried once more, seen 1",
-        "2 cases; tried once more, seen 1",
-        "2 cases; not tried again: --shrink's time was up",
-    ]
+def with_a_7(row: tuple[Case, ...]) -> bool:
+    return Case(False, 7) in row
 
 
-@pytest.mark.parametrize("desk", [never], indirect=True)
-def test_what_is_not_seen_again_was_tried_so_often_and_stays_a_failure(
-    desk: Desk, tmp_path: Path
-) -> None:
-    assert told(tmp_path, failure("FRM-1", 1)) == ["one case; tried 3 times more, seen no more"]
-    script = load(tmp_path / "FRM-1-it.json")
-    assert (script.tried, script.again, script.seen) == (3, 0, "first")
+def failure(number: int, cases: int) -> Result:
+    row = tuple(Case(False, number) for number in range(cases))
+    script = Script("client", f"FRM-{number}", "check_it", False, (row,))
+    text = as_text(script)
+    return Result(f"FRM-{number}", "check_it", Level.WIRE, Verdict.FAIL, "first", script=text)
 
 
-NOW_AND_THEN = cycle([True, False, True])
+def told(
+    monkeypatch: pytest.MonkeyPatch,
+    folder: Path,
+    fails: Fails | BaseException,
+    cases: list[int],
+    seconds: float = 1000.0,
+    plan: Plan = PLAN,
+) -> tuple[list[Result], list[tuple[str, int]]]:
+    """What comes of failures with so many cases each, and the scripts that were delivered: the
+    requirement, and how many cases.
+    """
+    delivered: list[tuple[str, int]] = []
 
+    def deliver(testbed: object, script: Script) -> replay.Replay:
+        (row,) = script.cases
+        delivered.append((script.requirement, len(row)))
+        assert not isinstance(fails, BaseException)
+        broken: Any = "again" if fails(row) else None
+        trial: Any = SimpleNamespace(simpler=[])
+        return replay.Replay(broken, "", trial, ("bytes",))
 
-@pytest.mark.parametrize("desk", [lambda *_: next(NOW_AND_THEN)], indirect=True)
-def test_what_is_seen_now_and_then_says_how_often(desk: Desk, tmp_path: Path) -> None:
-    assert told(tmp_path, failure("FRM-1", 1, 2)) == ["2 cases; tried 3 times more, seen 2"]
+    def introduce() -> None:
+        if isinstance(fails, BaseException):
+            raise fails
 
-
-@pytest.mark.parametrize("desk", [lambda it, row: Case(False, 7) in row], indirect=True)
-def test_a_smaller_one_is_counted_by_itself(desk: Desk, tmp_path: Path) -> None:
-    [said] = told(tmp_path, failure("FRM-1", *range(9)))
-    assert said == "one case; tried 3 times more, seen 3"
-    assert desk.delivered[-1] == ("FRM-1", 1)
-
-
-@pytest.mark.parametrize("desk", [always], indirect=True)
-@pytest.mark.parametrize(
-    ("seconds", "plan", "why"),
-    [
-        (0.0, PLAN, "--shrink 0 leaves no time"),
-        (9.0, replace(PLAN, launch=None, ports=(6001, 6000)), "the harness does not start it"),
-    ],
-)
-def test_what_is_never_tried_says_why(
-    desk: Desk, seconds: float, plan: Plan, why: str, tmp_path: Path
-) -> None:
-    said = told(tmp_path, failure("FRM-1", 1), seconds=seconds, plan=plan)
-    assert said == [f"one case; not tried again: {why}"]
-    assert desk.delivered == []
-
-
-@pytest.mark.parametrize("error", [NoVerdict("gone"), KeyboardInterrupt(), ValueError("a fault")])
-def test_verdicts_survive_what_goes_wrong_afterwards(
-    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fails() -> None:
-        raise error
-
-    testbed = SimpleNamespace(introduce=fails, close=lambda: None)
+    clock = SimpleNamespace(monotonic=lambda: float(len(delivered)))
+    for module in (failures, replay):
+        monkeypatch.setattr(module, "replay", deliver)
+        monkeypatch.setattr(module, "time", clock)
+    testbed = SimpleNamespace(introduce=introduce, close=lambda: None)
     monkeypatch.setattr(failures, "set_up", lambda plan: testbed)
-    [said] = told(tmp_path, failure("FRM-1", 1))
-    assert "not tried again: " in said
+    results = [failure(number, count) for number, count in enumerate(cases, 1)]
+    found = work_out(plan, results, folder, seconds, lambda text: None)
+    assert [it.verdict for it in found] == [Verdict.FAIL] * len(cases)
+    return found, delivered
 
 
-HOW_IT_IS_MET: dict[str, object] = {
+@pytest.mark.parametrize(
+    ("fails", "cases", "more", "said"),
+    [
+        (
+            *(always, [3, 1], {"seconds": 3.0}),
+            ["3 cases; tried 3 times more, seen 3", "one case; tried once more, seen 1"],
+        ),
+        (
+            *(always, [2, 2, 2], {"seconds": 2.0}),
+            ["2 cases; tried once more, seen 1"] * 2
+            + ["2 cases; not tried again: --shrink's time was up"],
+        ),
+        (never, [1], {}, ["one case; tried 3 times more, seen no more"]),
+        (now_and_then(), [2], {}, ["2 cases; tried 3 times more, seen 2"]),
+        (with_a_7, [9], {}, ["one case; tried 3 times more, seen 3"]),
+        (always, [1], {"seconds": 0.0}, ["one case; not tried again: --shrink 0 leaves no time"]),
+        (
+            *(always, [0], {"plan": WAITED}),
+            ["it takes no case; not tried again: the harness does not start it"],
+        ),
+        (
+            *(NoVerdict("gone\nfor good"), [1], {}),
+            ["one case; not tried again: no further testee was met: gone"],
+        ),
+        (KeyboardInterrupt(), [1], {}, ["one case; not tried again: it was interrupted"]),
+        (
+            *(ValueError("x"), [1], {}),
+            ["one case; not tried again: the harness failed: ValueError: x"],
+        ),
+    ],
+    ids=str,
+)
+def test_how_often_each_was_seen_again_is_said(
+    fails: Fails | BaseException,
+    cases: list[int],
+    more: dict[str, Any],
+    said: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    found, delivered = told(monkeypatch, tmp_path, fails, cases, **more)
+    assert [it.smallest for it in found] == said
+    if delivered:  # each once, before any is made small
+        each = [(f"FRM-{number}", count) for number, count in enumerate(cases, 1)]
+        assert delivered[: len(each)] == each[: len(delivered)]
+    script = load(tmp_path / "FRM-1-it.json")
+    assert (script.again, script.seen) == (script.again, "again" if script.again else "first")
+    assert found[0].text == script.seen
+    assert found[0].evidence == (("bytes",) if script.again else ())
+
+
+HOW_IT_IS_MET: dict[str, Any] = {
     "host": "0.0.0.0",
     "ports": (7001, 7000),
     "viewport": (1920, 1080),
     "patience": 61.5,
     "stand_in_cuda": True,
+    "adapter": "python 'my adapter.py'",
 }
-BY_WHAT = {"launch": None, "adapter": "python 'my adapter.py'"}
-NOT_HOW = {
-    "side": "server",
+NOT_HOW: dict[str, Any] = {
     "profile": "full",
     "seed": 3,
     "selection": Selection(("FRM",)),
@@ -168,41 +161,33 @@ NOT_HOW = {
 """What a script says itself, or what a replay has no use for."""
 
 
-def test_each_member_of_a_plan_is_told_again_or_known_to_be_needless() -> None:
-    known = {*HOW_IT_IS_MET, *BY_WHAT, *NOT_HOW}
-    assert known == {field.name for field in fields(Plan)}
-
-
-@pytest.mark.parametrize("name", HOW_IT_IS_MET)
 @pytest.mark.parametrize("side", SIDES)
 @pytest.mark.parametrize("launched", [True, False])
-def test_options_meet_the_same_testee(name: str, side: str, launched: bool) -> None:
-    if (name == "stand_in_cuda" and not launched) or (name == "viewport" and side == "server"):
-        return
+def test_options_meet_the_same_testee_and_say_no_more(side: Side, launched: bool) -> None:
+    assert {field.name for field in fields(Plan)} == {*HOW_IT_IS_MET, *NOT_HOW, "side", "launch"}
     how = ["--launch", "./my-viewer 'a b'"] if launched else []
     how = how or (["--wait"] if side == "client" else ["--connect"])
-    usual = plan_of(side, parser().parse_args([side, *how]))  # type: ignore[arg-type]
-    plan = replace(usual, **{name: HOW_IT_IS_MET[name]})  # type: ignore[arg-type]
-    for it in (usual, plan):
-        line = shlex.split(shlex.join(as_options(it)))
-        again = plan_of(it.side, parser().parse_args([it.side, *line]))
-        assert replace(again, parallel=it.parallel) == it
+    usual = plan_of(side, parser().parse_args([side, *how]))
     assert as_options(usual) == how
-    for other, value in NOT_HOW.items():
-        if other not in ("side", "parallel"):
-            assert as_options(replace(plan, **{other: value})) == as_options(plan)  # type: ignore[arg-type]
+    for name, value in HOW_IT_IS_MET.items():
+        if name in ("stand_in_cuda", "adapter") and not launched:
+            continue
+        if name in ("viewport", "adapter") and side == "server":
+            continue
+        plan = replace(usual, **{name: value})
+        if name == "adapter":
+            plan = replace(plan, launch=None)
+        line = shlex.split(shlex.join(as_options(replace(plan, **NOT_HOW))))
+        again = plan_of(side, parser().parse_args([side, *line]))
+        assert replace(again, parallel=plan.parallel) == plan
 
 
-def test_an_adapter_is_started_again() -> None:
-    options = as_options(replace(PLAN, **BY_WHAT))  # type: ignore[arg-type]
-    assert options == ["--adapter", "python 'my adapter.py'"]
-
-
-def test_the_line_that_is_printed_has_all_of_it(tmp_path: Path) -> None:
+def test_the_line_that_is_printed_has_all_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     plan = replace(PLAN, ports=(7001, 7000), patience=60.0, host="0.0.0.0")
-    [given] = work_out(plan, [failure("FRM-1", 1)], tmp_path, 0.0, lambda text: None)
-    path = tmp_path / "FRM-1-it.json"
+    [given], _ = told(monkeypatch, tmp_path, always, [1], seconds=0.0, plan=plan)
     assert given.replay == (
-        f"splatbus-conformance replay {path} --launch ./my-viewer"
+        f"splatbus-conformance replay {tmp_path / 'FRM-1-it.json'} --launch ./my-viewer"
         " --host 0.0.0.0 --ports 7001,7000 --patience 60"
     )

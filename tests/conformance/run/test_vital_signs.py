@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import pytest
@@ -68,20 +68,14 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def unmet(command: str) -> Iterator[Testbed]:
-    """A testbed with a server."""
+def met(command: str, of: Testbed | None = None) -> Iterator[Testbed]:
+    """A testbed with a server that was met, or is met again as it was on another."""
     testbed = set_up(Plan("server", command, "127.0.0.1", (0, 0), (0, 0), 10.0))
-    try:
-        yield testbed
-    finally:
-        testbed.close()
-
-
-@contextmanager
-def met(command: str) -> Iterator[Testbed]:
-    """A testbed with a server that was met."""
-    with unmet(command) as testbed:
-        testbed.introduce()
+    with closing(testbed):
+        if of:
+            testbed.meet_again(of.facts)
+        else:
+            testbed.introduce()
         yield testbed
 
 
@@ -190,8 +184,7 @@ def test_a_server_that_is_started_anew_is_tried_once_it_has_drawn(tmp_path: Path
     with met(loads) as testbed:
         testbed.testee.stop()
         assert told(testbed) == {"viewport_size": [64, 48]}
-        with unmet(loads) as another:
-            another.meet_again(testbed.facts)
+        with met(loads, of=testbed) as another:
             assert told(another) == {"viewport_size": [64, 48]}
 
 

@@ -68,7 +68,7 @@ def _made(name: str, document: Document, written: int) -> bytes:
         case "badge":
             return (badge(reports) + "\n").encode()
         case "html":
-            from splatbus_conformance.reports.files.html import (
+            from splatbus_conformance.reports.files.html.page import (
                 html_report,  # templates take long to import
             )
 

@@ -6,12 +6,13 @@ it holds in a row.
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 from splatbus_schemas.visible import visible
 
 from splatbus_conformance.reports.files.as_json import Report
-from splatbus_conformance.reports.files.results import ReportedResult, results
+from splatbus_conformance.reports.files.results import ReportedResult, broken, results, unseen
+from splatbus_conformance.reports.terminal import words
 
 MOST_BYTES = 1 << 20
 """What GitHub shows of a step; of a longer summary it shows nothing."""
@@ -25,7 +26,6 @@ VERDICTS = {
     "harness-error": "no verdict",
     "skip": "not observed",
 }
-CODE = re.compile("`([^`]+)`")
 LEFT_OUT = "Too long for a summary: {:,} parts more are in the other reports.\n"
 
 
@@ -44,89 +44,59 @@ def markdown_report(reports: Iterable[Report], most: int = MOST_BYTES) -> str:
 
 
 def _parts(report: Report) -> Iterator[str]:
-    told = list(results(report))
     yield f"## SplatBus conformance: {report['side']} {code(report['testee'])}\n"
     yield f"**{plain(report['summary'])}**\n"
-    yield _counts(report)
-    yield f"{_circumstances(report)}\n"
+    count = Counter(entry["verdict"] for entry in report["requirements"])
+    rows = (f"| {said} | {count[name]} |" for name, said in VERDICTS.items() if count[name])
+    yield "\n".join(("| requirements | |", "|---|---:|", *rows, ""))
+    yield f"{plain(_circumstances(report))}\n"
     for complaint in report["complaints"]:
         yield f"- {plain(complaint)}\n"
     for advice in report["advice"]:
         yield f"{plain(advice)}\n"
-    for verdict in ("fail", "harness-error"):
-        for each in told:
-            if each.result["verdict"] == verdict:
-                yield f"### {VERDICTS[verdict]}: {_title(each)}\n\n{_account(each)}"
-    for verdict in ("warn", "expected"):
-        for each in told:
-            if each.result["verdict"] == verdict:
-                yield _folded(f"{VERDICTS[verdict]}: {_title(each)}", _account(each))
-    yield from _not_observed(report)
-
-
-def _counts(report: Report) -> str:
-    count = Counter(entry["verdict"] for entry in report["requirements"])
-    rows = (f"| {words} | {count[name]} |" for name, words in VERDICTS.items() if count[name])
-    return "\n".join(("| requirements | |", "|---|---:|", *rows, ""))
-
-
-def _circumstances(report: Report) -> str:
-    found = [f"SplatBus {report['version']}", f"assurance {report['level']}"]
-    if report["profile"]:
-        found.append(f"profile {report['profile']}")
-        found.append(f"seed {', '.join(map(str, report['seeds']))}")
-    if report["casesDelivered"]:
-        found.append(f"{report['casesDelivered']:,} cases")
-    harness = f"splatbus-conformance {report['environment']['harness']}"
-    return plain("; ".join((*found, f"{report['seconds']:.1f} s", harness)))
-
-
-def _title(told: ReportedResult) -> str:
-    check = told.result["check"].removeprefix("check_").replace("_", " ")
-    return " ".join(
-        f"{told.requirement or 'the run'}, {check} ({told.result['assurance']})".split()
-    )
-
-
-def _account(told: ReportedResult) -> str:
-    """What was to come, what came, what crossed the wire, and how to see it again."""
-    result = told.result
-    lines = [f"Seen: {code(result['text'])}\n"]
-    if told.sentence:
-        lines.insert(0, f"> {_sentence(told.sentence)}\n")
-        lines.insert(1, f"Acceptable: {plain(', '.join(told.acceptable))}\n")
-    if result["evidence"]:
-        lines.append(fenced("\n".join(result["evidence"]), "text"))
-    if result["replay"]:
-        lines.append(f"Smallest: {code(result['smallest'])}. To see it again:\n")
-        lines.append(fenced(result["replay"], "sh"))
-    return "\n".join(lines)
-
-
-def _sentence(text: str) -> str:
-    """A requirement, of whose Markdown only code is kept: a stored report may say anything."""
-    parts = enumerate(CODE.split(" ".join(text.split())))
-    return "".join(code(part) if place % 2 else _escaped(part) for place, part in parts)
-
-
-def _not_observed(report: Report) -> Iterator[str]:
-    unseen: dict[str, list[str]] = {}
-    for entry in report["requirements"]:
-        if entry["verdict"] == "skip":
-            unseen.setdefault(_reason(entry), []).append(entry["id"])
-    if unseen:
-        lines = (f"- {', '.join(ids)}: {reason}\n" for reason, ids in unseen.items())
-        count = sum(map(len, unseen.values()))
-        yield _folded(f"{count} requirements were not observed", "".join(lines))
+    told = list(results(report))
+    for it in (*broken(told), *(it for it in told if it["verdict"] == "expected")):
+        title = f"{VERDICTS[it['verdict']]}: {_title(it)}"
+        if it["verdict"] in ("fail", "harness-error"):
+            yield f"### {title}\n\n{_account(it)}"
+        else:
+            yield _folded(title, _account(it))
+    if reasons := unseen(report["requirements"], report["side"]):
+        lines = (f"- {', '.join(ids)}: {code(reason)}\n" for reason, ids in reasons)
+        yield _folded(f"{count['skip']} requirements were not observed", "".join(lines))
     if report["notJudged"]:
         lines = (f"- {code(line)}\n" for line in report["notJudged"])
         yield _folded("what no rule could judge", "".join(lines))
 
 
-def _reason(entry: Report) -> str:
-    if entry["results"]:
-        return code(entry["results"][0]["text"])
-    return "deselected" if entry["deselected"] else "nothing exercised it"
+def _circumstances(report: Report) -> str:
+    found = f"SplatBus {report['version']}; assurance {report['level']}"
+    if report["profile"]:
+        found += f"; profile {report['profile']}; seed {', '.join(map(str, report['seeds']))}"
+    if report["casesDelivered"]:
+        found += f"; {report['casesDelivered']:,} cases"
+    harness = report["environment"]["harness"]
+    return f"{found}; {report['seconds']:.1f} s; splatbus-conformance {harness}"
+
+
+def _title(it: ReportedResult) -> str:
+    title = f"{it['requirement'] or 'the run'}, {words(it['check'])} ({it['assurance']})"
+    return " ".join(title.split())
+
+
+def _account(it: ReportedResult) -> str:
+    """What was to come, what came, what crossed the wire, and how to see it again."""
+    lines = []
+    if it["sentence"]:
+        lines.append(f"> {plain(it['sentence'])}\n")
+        lines.append(f"Acceptable: {plain(', '.join(it['acceptable']))}\n")
+    lines.append(f"Seen: {code(it['text'])}\n")
+    if it["evidence"]:
+        lines.append(fenced("\n".join(it["evidence"]), "text"))
+    if it["replay"]:
+        lines.append(f"Smallest: {code(it['smallest'])}. To see it again:\n")
+        lines.append(fenced(it["replay"], "sh"))
+    return "\n".join(lines)
 
 
 def _folded(title: str, text: str) -> str:
@@ -151,11 +121,8 @@ def fenced(text: str, language: str) -> str:
 
 def plain(text: str) -> str:
     """Words of ours, which may quote others: one line in which no character has a meaning."""
-    return _escaped(" ".join(visible(text, kept="\n\t").split()))
-
-
-def _escaped(text: str) -> str:
-    return re.sub(r"([\\`*_\[\]<>#|~&!/.+-])", r"\\\1", visible(text))
+    line = " ".join(visible(text, kept="\n\t").split())
+    return re.sub(r"([\\`*_\[\]<>#|~&!/.+-])", r"\\\1", line)
 
 
 def _cut(text: str, most: int) -> str:
@@ -163,5 +130,4 @@ def _cut(text: str, most: int) -> str:
 
 
 def _longest_run(text: str) -> int:
-    runs: Sequence[str] = re.findall("`+", text)
-    return max(map(len, runs), default=0)
+    return max(map(len, re.findall("`+", text)), default=0)

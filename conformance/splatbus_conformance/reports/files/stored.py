@@ -36,7 +36,7 @@ def load(path: Path) -> list[Report]:
     found = islice(validator().iter_errors(document), MOST_FAULTS)
     faults = sorted(found, key=lambda fault: fault.json_path)
     if faults:
-        told = "; ".join(f"{pointer(fault)}: {fault.message[:200]}" for fault in faults[:SHOWN])
+        told = "; ".join(f"{it.json_path}: {it.message[:200]}" for it in faults[:SHOWN])
         least = "at least " if len(faults) == MOST_FAULTS else ""
         more = f"; and {least}{len(faults) - SHOWN} more" if len(faults) > SHOWN else ""
         raise Usage(f"{path} is no report: {told}{more}")
@@ -46,9 +46,3 @@ def load(path: Path) -> list[Report]:
 def validator() -> Any:
     """Of report.schema.json."""
     return jsonschema.Draft202012Validator(read_json("report.schema.json"))
-
-
-def pointer(fault: Any) -> str:
-    """Where in the document, as a JSON Pointer; the document itself in words."""
-    parts = (str(part).replace("~", "~0").replace("/", "~1") for part in fault.absolute_path)
-    return "".join(f"/{part}" for part in parts) or "the whole"

@@ -2,23 +2,24 @@
 
 import base64
 import hashlib
-from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
+from splatbus_schemas.requirements import requirements
 
-from splatbus_conformance.reports.files.html import plots
-from splatbus_conformance.reports.files.html.limits import Limits, first
-from splatbus_conformance.reports.files.html.text import seen, transcript, words
-from splatbus_conformance.reports.files.html.view import view_of
+from splatbus_conformance.reports.files.as_json import Report
+from splatbus_conformance.reports.files.html import plots, text
+from splatbus_conformance.reports.files.html.clauses import CLAUSES
+from splatbus_conformance.reports.files.html.view import Limits, view_of
+from splatbus_conformance.reports.files.results import why_unseen
+from splatbus_conformance.reports.terminal import words
 
 MOST_BYTES = 2_000_000
 
 
-def html_report(*reports: Mapping[str, Any]) -> str:
+def html_report(*reports: Report) -> str:
     """A page that shows these reports, one after the other.
 
     Args:
@@ -35,36 +36,43 @@ def html_report(*reports: Mapping[str, Any]) -> str:
     return page
 
 
-def _rendered(reports: tuple[Mapping[str, Any], ...], limits: Limits) -> str:
-    shown = first(reports, limits.few)
-    views = [view_of(report, number, limits) for number, report in enumerate(shown.these, 1)]
-    style = _style()
+def _rendered(reports: tuple[Report, ...], limits: Limits) -> str:
+    style = files(__package__).joinpath("page.css").read_text("utf-8")
     digest = base64.b64encode(hashlib.sha256(style.encode("utf-8")).digest()).decode("ascii")
-    return _template().render(
-        views=views, more=shown.more, style=Markup(style), style_digest=digest
+    shown = enumerate(reports[: limits.few], 1)
+    return _template(limits).render(
+        reports=reports,
+        views=[view_of(report, number, limits) for number, report in shown],
+        style=Markup(style),
+        style_digest=digest,
     )
 
 
 @cache
-def _template() -> Template:
+def _template(limits: Limits) -> Template:
+    """The page, which cuts whatever text it prints, and shows each character of it."""
     environment = Environment(
         loader=PackageLoader("splatbus_conformance", "reports/files/html"),
         autoescape=True,
-        finalize=seen,
+        finalize=partial(text.shown, most=limits.sentence),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["plots"] = plots
+    environment.globals |= {
+        "clause_titles": CLAUSES,
+        "known": requirements("1.1"),
+        "limits": limits,
+        "plots": plots,
+        "why_unseen": why_unseen,
+    }
     environment.filters |= {
         "words": words,
-        "transcript": transcript,
+        "transcript": partial(text.transcript, most=limits.characters),
         "duration": plots.duration,
         "digits": plots.digits,
+        "cut": partial(text.cut, most=limits.sentence),
+        "ids": partial(text.parts, marked=text.ID),
+        "code": partial(text.parts, marked=text.CODE),
     }
     return environment.get_template("page.html.j2")
-
-
-@cache
-def _style() -> str:
-    return files(__package__).joinpath("page.css").read_text("utf-8")

@@ -4,15 +4,13 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from markupsafe import Markup
 from splatbus_schemas.visible import visible
 
-INDENT = " " * 12
-"""Of the lines of a transcript that belong to the line before, behind the margin (`excerpt`)."""
-MARK = ">"
-"""In the margin of what a failure is about."""
+from splatbus_conformance.wire.transcript import INDENT, MARK
+
 HEX = re.compile("([0-9a-f]{2} )*[0-9a-f]{2}( …|$)")
 ID = re.compile("([A-Z]{3}-[0-9]+)")
+CODE = re.compile("`([^`]*)`")
 ALL_OF_IT = "all of it is in the JSON report, and of a run with --record in its recordings"
 
 
@@ -26,19 +24,12 @@ class TranscriptLine(NamedTuple):
     """
 
 
-class SentencePart(NamedTuple):
-    """A piece of a sentence."""
-
-    text: str
-    marked: bool
-    """It is code, or an id."""
-
-
-def seen(value: Any) -> Any:
-    """Text with every character to be seen; what is no text, or is markup, stays as it is."""
-    if not isinstance(value, str) or isinstance(value, Markup) or value.isprintable():
+def shown(value: Any, most: int) -> Any:
+    """Text of `most` characters, each of them to be seen; what is none, or is markup, as it is."""
+    if type(value) is not str:
         return value
-    return visible(value, kept="\n\t")
+    text = cut(value, most)
+    return text if text.isprintable() else visible(text, kept="\n\t")
 
 
 def cut(text: str, most: int) -> str:
@@ -61,28 +52,17 @@ def transcript(evidence: Sequence[str], most: int) -> tuple[TranscriptLine, ...]
     return (*head, TranscriptLine(note, "note"), *tail[::-1])
 
 
-def spans(sentence: str) -> tuple[SentencePart, ...]:
-    """A sentence of the specification, its code apart."""
-    parts = sentence.split("`")
-    return tuple(SentencePart(text, number % 2 == 1) for number, text in enumerate(parts) if text)
-
-
-def ids(sentence: str) -> tuple[SentencePart, ...]:
-    """A sentence of a report, the ids of requirements apart."""
-    parts = ID.split(sentence)
-    return tuple(SentencePart(text, number % 2 == 1) for number, text in enumerate(parts) if text)
-
-
-def words(check: str) -> str:
-    """The name of a check as words."""
-    return check.removeprefix("check_").replace("_", " ")
+def parts(sentence: str, marked: re.Pattern[str]) -> list[tuple[str, bool]]:
+    """A sentence in pieces, and of each whether it is what the group of a pattern finds."""
+    found = enumerate(marked.split(sentence))
+    return [(text, place % 2 == 1) for place, text in found if text]
 
 
 def _line(text: str) -> TranscriptLine:
     guilty = " guilty" if text.startswith(MARK) else ""
-    if not text[1:].startswith(INDENT):
+    if not text[1:].startswith(INDENT[1:]):
         return TranscriptLine(text, f"event{guilty}")
-    told = text[1:].removeprefix(INDENT)
+    told = text[len(INDENT) :]
     return TranscriptLine(told, f"{'hex' if HEX.match(told) else 'more'}{guilty}")
 
 
