@@ -1,4 +1,4 @@
-"""What a session makes of what clients say: what the renderer is asked for, and who is sent what."""
+"""What a session makes of what clients say: what is rendered, and who is sent what."""
 
 from __future__ import annotations
 
