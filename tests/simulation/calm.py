@@ -11,7 +11,6 @@ from splatbus_wire.messages import GetCameraPose, GetViewportSize, SetViewport, 
 
 from tests.simulation.clients import Client
 from tests.simulation.server import Picture
-from tests.simulation.visitors import LegacyViewer, Pipelining, Rude
 
 if TYPE_CHECKING:
     from tests.simulation.session import Session
@@ -35,13 +34,11 @@ def settle(session: Session) -> None:
     world.is_calm = True
     session.network.calm()
     for client in session.clients:
-        client.start_clock()
         client.go_on()
     for visitor in session.visitors:
-        if isinstance(visitor, (Pipelining, Rude)) and world.random.random() < 0.6:
+        if world.random.random() < 0.6:
             visitor.leave()
     world.run(world.now + 2.1)  # by when who ended has been started again
-    session.server.start_clock()
     session.server.go_on()
     world.run(world.now + SETTLED_SECONDS / 2)
     strangers = [c for c in session.clients if c.setting.token != session.setting.token]
@@ -69,7 +66,7 @@ def serve(session: Session) -> None:
         _look_at_memory(session)
         _look_at_clients(session)
     for visitor in session.visitors:
-        if isinstance(visitor, (Pipelining, Rude)) and getattr(visitor, "kind", "") != "keeper":
+        if getattr(visitor, "kind", "") != "keeper":
             visitor.leave()
     world.run(world.now + 6.0)
     clients = _welcome(session)
@@ -122,12 +119,17 @@ def _welcome(session: Session) -> list[Client]:
     return [c for c in session.clients if c.setting.token == session.setting.token]
 
 
-def _readers(session: Session) -> list[Client]:
-    """Those of them that have an image to read; the others were turned away [IMG-18]."""
-    connections = {
+def _connections(session: Session) -> Any:
+    """Of the server, by the sockets of who is connected."""
+    return {
         peer.socket.peer: peer.connection  # type: ignore[attr-defined]
         for peer in session.server.service.peers
     }
+
+
+def _readers(session: Session) -> list[Client]:
+    """Those of them that have an image to read; the others were turned away [IMG-18]."""
+    connections = _connections(session)
     readers = session.server.session.readers
     found = []
     for client in _welcome(session):
@@ -165,27 +167,20 @@ def _look_at_clients(session: Session) -> None:
 
 def _look_at_poses(session: Session) -> None:
     """The server has of everyone the pose that was sent last, on whatever connection."""
-    cameras = session.server.session.steered.cameras
-    known = {
-        peer.socket.peer: cameras.get(peer.connection)  # type: ignore[attr-defined]
-        for peer in session.server.service.peers
-    }
+    cameras = session.server.session.cameras
+    connections = _connections(session)
     for client in _welcome(session):
         if client.sent is not None and not client.has_lens:
-            told = known.get(client.message.socket)
+            told = cameras.get(connections.get(client.message.socket))
             holds = told == client.sent
             session.world.look("the newest pose outlives its connection", holds, client.sent, told)
 
 
 def _holder(session: Session) -> Any:
     """The client that has control, or None."""
-    server = session.server
-    connection = server.session.control.holder
-    for peer in server.service.peers:
-        for client in session.clients:
-            if peer.connection is connection and peer.socket.peer is client.message.socket:  # type: ignore[attr-defined]
-                return client
-    return None
+    holder, connections = session.server.session.control.holder, _connections(session)
+    steering = (c for c in session.clients if connections.get(c.message.socket, "") is holder)
+    return next(steering, None)
 
 
 def _newest(session: Session) -> Picture | None:
@@ -206,12 +201,6 @@ def _look_at_images(session: Session, camera: float | None) -> None:
         world.look("everyone is served", holds, client.name, client.seen[1], newest.number)
         holds = client.shown in (None, shown)
         world.look("everyone sees the newest pose", holds, client.name, client.shown, camera)
-    for visitor in session.visitors:
-        if isinstance(visitor, LegacyViewer) and visitor.server() is server:
-            world.look("who says nothing sees an image", newest is not None)
-            assert newest is not None
-            holds = visitor.seen() == newest.number
-            world.look("everyone is served", holds, "1.0", visitor.seen(), newest.number)
 
 
 def _steer(session: Session, clients: list[Client]) -> None:

@@ -40,11 +40,10 @@ from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.simulation.machine.memory import HALVES, LEGACY, Store
 from tests.simulation.machine.network import Socket
-from tests.simulation.machine.stand_ins import mask_of
+from tests.simulation.machine.stand_ins import take_turn
 from tests.simulation.machine.world import Node
 from tests.simulation.server import CAMERAS, IPC_PORT, MESSAGE_PORT, Server
 
-NAP_SECONDS = 2.0
 UNANSWERED = 4
 """How many questions are asked at a time."""
 ORDINARY = frozenset({"busy", "unsupported", "unknown_object"})
@@ -207,20 +206,8 @@ class Client(Node):
         """A turn of the session's loop."""
         if not self.is_running:
             return
-        now = self.clock()
         self.reading.sweep()
-        is_ready = False
-        for channel in (self.ipc, self.message):
-            channel.advance(now)
-            socket: Any = channel.socket
-            if socket is not None:
-                socket.owner = self
-                if mask := mask_of(socket, channel.interest()):
-                    is_ready = True
-                    channel.ready(mask, now)
-        if is_ready:
-            self.wake()
-        self.sleep(min(self.ipc.deadline() - now, self.message.deadline() - now, NAP_SECONDS))
+        take_turn(self, -1, self.ipc, self.message)
         if self.reading.may_hold and self.held is None:
             self.world.after(self.world.random.random() * 0.01, partial(self._read, self.life))
         unsent = sum(len(channel.unsent) for channel in (self.ipc, self.message))
@@ -335,7 +322,6 @@ class Client(Node):
             "pose pose tagged lens object time camera size scene ping viewport subscribe figures"
         )
         kind = draw.choice(kinds.split())
-        self.world.draw(kind)
         self.world.note(self.name, kind)
         if kind in ("pose", "tagged", "lens"):
             self.pose(kind)

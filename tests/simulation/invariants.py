@@ -89,7 +89,7 @@ class Watch:
 
     def look_at_control(self, server: Server) -> None:
         """The first who steered has control, and what it sent last counts [POS-11]."""
-        cameras = server.session.steered.cameras
+        cameras = server.session.cameras
         control = server.session.control
         holder = next(iter(cameras), None)
         server.world.look("control passes on", control.holder is holder)

@@ -9,6 +9,8 @@ from functools import partial
 from itertools import count
 from typing import Any
 
+from splatbus_wire.messages import Hello
+
 from tests.simulation import calm
 from tests.simulation.clients import CHANNELS, Client
 from tests.simulation.clients import Setting as ClientSetting
@@ -19,7 +21,7 @@ from tests.simulation.machine.stand_ins import Host, standing_in
 from tests.simulation.machine.world import BrokenError, World
 from tests.simulation.server import Server
 from tests.simulation.server import Setting as ServerSetting
-from tests.simulation.visitors import RUDE, LegacyViewer, Pipelining, Rude, Visitor
+from tests.simulation.visitors import PROGRAM, RUDE, Pipelining, Rude, Visitor
 
 TOKEN = "a token"
 
@@ -48,23 +50,21 @@ class Session:
 
     def begin(self) -> None:
         """Starts the server and everybody else."""
-        draw, tickets = self.world.random, count(1)
+        draw, tickets = self.world.random, count(10)
         self.clients: list[Client] = []
         self.visitors: list[Visitor] = []
         self.start_server()
         for number in range(draw.randint(1, 4)):
             self.clients.append(Client(number, self.store, self._draw_client(), tickets))
         token = self.setting.token
+        capabilities = (self.setting.kind, "frames", "reinit", "viewport", "ping", "telemetry")
+        hello = Hello(("1.1",), PROGRAM, capabilities, token)
         if draw.random() < 0.3:
-            self.visitors.append(Pipelining(self.network, token, says_hello=True))
+            self.visitors.append(Pipelining(self.network, hello))
         if draw.random() < 0.3 and token is None:
-            self.visitors.append(Pipelining(self.network, None, says_hello=False))
-        if draw.random() < 0.6 and token is None and self.setting.kind == "cuda_ipc":
-            self.visitors.append(LegacyViewer(self.network, self.store))
+            self.visitors.append(Pipelining(self.network, None))
         for _ in range(draw.choice((0, 1, 1, 2))):
-            kind = self.world.draw(draw.choice(RUDE))
-            capabilities = (self.setting.kind, "frames", "reinit")
-            self.visitors.append(Rude(self.network, kind, token, capabilities))
+            self.visitors.append(Rude(self.network, draw.choice(RUDE), hello))
 
     def _draw_client(self) -> ClientSetting:
         draw = self.world.random
@@ -114,12 +114,11 @@ class Session:
         self.server.contents += 1
         self.server.tell(float(self.server.contents))
         if self.world.random.random() < 0.08 and self.server.is_alive:
-            self.world.draw("renderer resizes")
             self.server.resize(self.world.random.randint(1, 9), 2)
 
     def _harm(self) -> None:
         draw = self.world.random
-        kind = self.world.draw(draw.choice(HARM))
+        kind = draw.choice(HARM)
         self.world.note("HARM", kind)
         HARMS[kind](self)
 
@@ -155,7 +154,6 @@ HARMS: dict[str, Callable[[Session], None]] = {
     "reset": Session._reset,
     "clog": Session._clog,
     "jump": lambda session: session._anyone().jump(session._seconds()),
-    "stop the clock": lambda session: session._anyone().stop_clock(session._seconds()),
     "pause": lambda session: session._anyone().pause(session._seconds()),
     "vanish": Session._vanish,
     "restart": lambda session: session._restart(True),
