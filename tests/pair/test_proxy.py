@@ -179,13 +179,12 @@ def test_ctrl_c_ends_the_session_and_judges_it(tmp_path: Path) -> None:
     assert "\x1b" not in out
 
 
-def test_a_port_that_is_taken_is_named(tmp_path: Path) -> None:
+def test_an_address_that_cannot_be_had_is_named(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        with pytest.raises(Usage, match=f"127.0.0.1:{port}"):
-            proxied((port, 0), (1, 1), tmp_path / "session.jsonl", 1.0)
-
-
-def test_an_address_that_is_none_is_explained() -> None:
-    with pytest.raises(Usage, match="HOST:IPC,MSG"):
-        proxied((1, 2), (0, 0), Path("session.jsonl"), 1.0)
+        for listen, to, problem in (
+            ((port, 0), (1, 1), f"127.0.0.1:{port}"),
+            ((1, 2), (0, 0), "HOST:IPC,MSG"),
+        ):
+            with pytest.raises(Usage, match=problem):
+                proxied(listen, to, tmp_path / "session.jsonl", 1.0)

@@ -66,7 +66,9 @@ def test_what_counts_is_the_moment_of_the_answer(stage: Stage) -> None:
     asker, size = stage.steerer(), {"type": "get_viewport_size", "id": 13}
     asker.say({"type": "set_viewport", "width": 8, "height": 6, "id": 12}, size)
     assert asker.hear() == []
-    assert stage.steerer().ask(size)["viewport_size"] == [4, 2]
+    other = stage.steerer()
+    assert other.ask(size)["viewport_size"] == [4, 2]
+    assert other.ask({"type": "set_viewport", "width": 9, "height": 6})["code"] == "busy"
     late = stage.reader("host_shm", "frames")
     stage.do_chores()
     asker.say()
