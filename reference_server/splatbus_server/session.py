@@ -253,9 +253,7 @@ class Session:
 
     def greet(self, connection: Connection, now: float) -> Refusal | None:
         """Takes an IPC client that can open the memory [NEG-11, CHN-5] for a reader."""
-        version = connection.welcome.version if connection.welcome else "1.0"
-        is_named = connection.has("host_shm") and version != "1.0"
-        is_reader = is_named or self.exchange.memory.kind == "cuda_ipc"
+        is_reader = connection.has("host_shm") or self.exchange.memory.kind == "cuda_ipc"
         if connection.channel != "ipc" or not is_reader:
             return None
         let_in = sum(reader.is_let_in for reader in self.readers.values())

@@ -96,13 +96,19 @@ TALKS: dict[str, tuple[Terms, str, list[Any], list[str], list[str], str]] = {
         [
             hello(),
             CAMERA | {"id": 7.0},
+            CAMERA,
             *(SIZE | {"id": bad} for bad in (-1, 7.5, 2**53, 1e300, "7", True, None)),
             *({"type": kind, "id": 7} for kind in ("camera_pose", "weather", ["ping"])),
             SIZE,
         ],
-        ["Hello", *["invalid_message"] * 9, *["unknown_type"] * 2, "GetViewportSize"],
+        ["Hello", *["invalid_message"] * 10, *["unknown_type"] * 2, "GetViewportSize"],
         [
-            *(WELCOME, "invalid_message /cam_idx 7", *["invalid_message /id"] * 7),
+            *(
+                WELCOME,
+                "invalid_message /cam_idx 7",
+                "invalid_message /cam_idx",
+                *["invalid_message /id"] * 7,
+            ),
             *("invalid_message /position", *["unknown_type /type"] * 2),
         ],
         "",

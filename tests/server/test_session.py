@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tests.peers.raw_client import camera_pose, hello
+from tests.peers.raw_client import IDENTITY, camera_pose, hello
 from tests.server.stage import READERS, Client, Stage
 
 CHANNELS = {"c": "color", "d": "depth"}
@@ -150,6 +150,24 @@ def test_equal_poses_change_nothing(stage: Stage) -> None:
     assert view.poses.camera.position == (1.0, 0.0, 0.0)
     counts = stage.statistics
     assert (counts.poses_received, counts.poses_superseded, counts.views) == (4, 3, 2)
+
+
+def test_what_is_refused_is_told_to_the_log_and_takes_no_control(stage: Stage) -> None:
+    """[CAM-6, OBJ-3, OBJ-4, CTL-2]: who is busy is told so once."""
+    first, second = stage.steerer(), stage.steerer()
+    lens = {**dict.fromkeys(("fx", "fy", "cx", "cy", "far"), 8.0), "near": 0.1}
+    table = {"type": "object_pose", "object": "table", **IDENTITY}
+    wrong = [camera_pose(1.0, intrinsics=lens | {"width": 8, "height": 8}), table]
+    codes = ["invalid_message", "unknown_object"]
+    told = ["busy", *codes]
+    for client, messages, refused, heard in (
+        (second, wrong, codes, codes),
+        (first, [camera_pose(1.0)], [], []),
+        (second, [camera_pose(2.0), *wrong, camera_pose(2.0)], [*told, "busy"], told),
+    ):
+        assert [refusal.code for refusal in client.say(*messages)] == refused
+        assert [error["code"] for error in client.hear()] == heard
+    assert stage.exchange.poses.camera.position[0] == 1.0
 
 
 @pytest.mark.parametrize(

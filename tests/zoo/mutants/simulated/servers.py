@@ -87,7 +87,7 @@ def server_counts_images_anew(original, self, former, memory, *other, **named):
 @mutant(check="the holder's pose counts", at=server.PASSES_CONTROL_ON)
 def server_passes_on_no_control(original, self, connection):
     """Ends control with the connection, and does not apply the next one's poses."""
-    return self.sent.pop(connection, None) is not None
+    self.sent.pop(connection, None)
 
 
 @mutant(check="the holder's pose counts", at=server.OBEYS)
