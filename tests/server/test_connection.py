@@ -257,6 +257,7 @@ def test_when_it_happens(timeline: list[tuple[float, Deed, list[str], float | st
         assert events(connection, now) == expected
         if isinstance(then, str):
             assert then in str(connection.ending)
+            assert connection.over or connection.deadline == now + LINGER_SECONDS
 
         else:
             assert then in (-1.0, connection.deadline)

@@ -35,13 +35,11 @@ class Setting:
     Attributes:
         kind: of its memory.
         readers: how many clients may hold an image at a time.
-        token: that it requires, or None.
         pause: longest time between two looks of its renderer, seconds.
     """
 
     kind: str
     readers: int
-    token: str | None
     pause: float
 
 
@@ -118,14 +116,14 @@ class Server(Node):
         memory = Memory(store, setting.kind, 4, 2, setting.readers)
         self.session = WatchedSession(memory, SCENE, CAMERAS)
         self.session.world, self.session.cameras = self.world, {}
-        self.exchange, self.readings = self.session.exchange, self.session.readings
+        self.exchange = self.session.exchange
         ipc = tuple(setting.kind if name == "host_shm" else name for name in CAPABILITIES)
         capabilities: dict[Any, tuple[str, ...]] = {"ipc": ipc, "msg": MESSAGE_CAPABILITIES}
         listeners: dict[Any, Any] = {
             "ipc": Listener(host.network, IPC_PORT, self),
             "msg": Listener(host.network, MESSAGE_PORT, self),
         }
-        terms = Terms(Program("server", "1"), capabilities, setting.token)
+        terms = Terms(Program("server", "1"), capabilities)
         self.service = Service(listeners, self.session, terms)
         self.wake()
         self._render_soon()
@@ -249,8 +247,3 @@ class Server(Node):
                 break
             memory.close()
         self.renderer_is_busy = False
-
-    def tell(self, value: float) -> None:
-        """As `Bus.telemetry` does."""
-        if self.is_alive and self.readings.give({"value": value, "text": "a" * 50}, self.clock()):
-            self.service.ring()

@@ -23,8 +23,6 @@ from tests.simulation.server import Server
 from tests.simulation.server import Setting as ServerSetting
 from tests.simulation.visitors import PROGRAM, RUDE, Pipelining, Rude, Visitor
 
-TOKEN = "a token"
-
 
 class Session:
     """Everyone who takes part, and what happens to them.
@@ -44,7 +42,6 @@ class Session:
         self.setting = ServerSetting(
             kind=draw.choice(("host_shm", "host_shm", "cuda_ipc")),
             readers=draw.randint(1, 4),
-            token=TOKEN if draw.random() < 0.15 else None,
             pause=draw.choice((0.03, 0.1, 0.4)),
         )
 
@@ -56,12 +53,11 @@ class Session:
         self.start_server()
         for number in range(draw.randint(1, 4)):
             self.clients.append(Client(number, self.store, self._draw_client(), tickets))
-        token = self.setting.token
-        capabilities = (self.setting.kind, "frames", "reinit", "viewport", "ping", "telemetry")
-        hello = Hello(("1.1",), PROGRAM, capabilities, token)
+        capabilities = (self.setting.kind, "frames", "reinit", "viewport", "ping")
+        hello = Hello(("1.1",), PROGRAM, capabilities)
         if draw.random() < 0.3:
             self.visitors.append(Pipelining(self.network, hello))
-        if draw.random() < 0.3 and token is None:
+        if draw.random() < 0.3:
             self.visitors.append(Pipelining(self.network, None))
         for _ in range(draw.choice((0, 1, 1, 2))):
             self.visitors.append(Rude(self.network, draw.choice(RUDE), hello))
@@ -72,7 +68,6 @@ class Session:
         return ClientSetting(
             capabilities=(self.setting.kind, *extra),
             channels=draw.choice(CHANNELS),
-            token="another" if self.setting.token and draw.random() < 0.2 else self.setting.token,
             patience=draw.choice((0.0, 0.02, 0.02, 1.0, 12.0)),
             pause=draw.choice((0.2, 0.5, 1.5)),
         )
@@ -112,7 +107,6 @@ class Session:
     def _change(self) -> None:
         """The renderer does something of its own accord."""
         self.server.contents += 1
-        self.server.tell(float(self.server.contents))
         if self.world.random.random() < 0.08 and self.server.is_alive:
             self.server.resize(self.world.random.randint(1, 9), 2)
 
