@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -10,76 +11,134 @@ from tests.peers.raw_client import IDENTITY, camera_pose, hello
 from tests.server.stage import READERS, Client, Stage
 
 CHANNELS = {"c": "color", "d": "depth"}
-Transcript = tuple[tuple[str, str, str], ...]
-"""Deeds, the first letters of what the renderer is asked for after each, and who is lent which."""
-WAITS_AND_WANTS_MORE = (("A wants cd", "cd", ""), ("publish", "", "A2"), ("A releases", "cd", ""))
-TRANSCRIPTS: dict[str, Transcript] = {
-    "who reads nothing has nothing rendered [IMG-10, IMG-21]": (
-        *(("A opens", "cd", ""), ("A leaves", "", "")),
-    ),
-    "each image is sent once, and one at a time [IMG-1 to IMG-3]": (
-        *(("A opens", "cd", ""), ("publish", "", "A1"), ("publish anew", "", "")),
-        *(("publish anew", "", ""), ("A releases", "", "A3"), ("A releases", "", "")),
-    ),
-    "an image that is there is sent to who comes later [IMG-10, IMG-11]": (
-        *(("A opens", "cd", ""), ("publish", "", "A1"), ("B opens", "", "B1")),
-    ),
-    "what has changed unseen is rendered for who comes next [IMG-3]": (
-        *(("A opens", "cd", ""), ("publish", "", "A1"), ("A leaves", "", "")),
-        *(("change", "", ""), ("B opens", "cd", ""), ("publish", "", "B2")),
-    ),
-    "of an image that was on its way already nothing new may be read [IMG-25]": (
-        *(("A opens c", "c", ""), ("publish", "", "A1"), ("A releases", "", "")),
-        *(*WAITS_AND_WANTS_MORE, ("publish", "", "A3"), ("A releases", "", "")),
-    ),
-    "whatever the image before holds": (
-        *(("A opens c", "c", ""), ("B opens", "cd", ""), ("publish", "", "A1B1")),
-        *(("A releases", "", ""), *WAITS_AND_WANTS_MORE, ("publish", "", "A3")),
-        *(("A releases", "", ""),),
-    ),
-    "who wants more while it reads is sent one image [IMG-25]": (
-        *(("A opens c", "c", ""), ("publish", "", "A1"), ("A wants cd", "cd", "")),
-        *(("publish", "", ""), ("A releases", "", "A2"), ("A releases", "", "")),
-    ),
-    "that was not there yet, if others had depth already": (
-        *(("A opens c", "c", ""), ("B opens", "cd", ""), ("publish", "", "A1B1")),
-        *(("A wants cd", "", ""), ("A releases", "cd", ""), ("publish", "", "A2")),
-        *(("A releases", "", ""),),
-    ),
-    "who wants again what it gave up is sent it [IMG-25]": (
-        *(("A opens", "cd", ""), ("publish", "", "A1"), ("A wants c", "", "")),
-        *(("A releases", "", ""), ("A wants cd", "cd", "")),
-    ),
-    "even if it might have read it while it waited": (
-        *(("A opens", "cd", ""), ("A wants c", "cd", ""), ("A wants cd", "cd", "")),
-        *(("publish", "", "A1"), ("A releases", "cd", ""), ("publish", "", "A2")),
-        *(("A releases", "", ""),),
-    ),
-    "what is wanted of an image when it is begun is all it has [IMG-20]": (
-        *(("A opens c", "c", ""), ("begin", "c", ""), ("B opens", "cd", "")),
-        *(("end", "cd", "A1"), ("publish", "", "B2")),
-    ),
-    "what was wanted when the wait began is there [IMG-20]": (
-        *(("A opens", "cd", ""), ("A wants c", "cd", ""), ("publish", "", "A1")),
-        *(("change", "c", ""), ("A wants d", "", ""), ("A releases", "d", "")),
-        *(("A wants c", "cd", ""),),
-    ),
-    "a lease of memory that is closed has ended [OPN-14]": (
-        *(("A opens", "cd", ""), ("publish", "", "A1"), ("resize", "", "")),
-        *(("A closes", "cd", ""), ("publish", "", "A2")),
-    ),
-    "without frames there is memory and no lease": (("A looks", "", ""),),
-}
-ON_A_GPU: dict[str, Transcript] = {
-    "who says nothing has the legacy slot written": (("O arrives", "cdl", ""), ("publish", "", "")),
-    "without frames too": (("A looks", "cdl", ""), ("publish", "", ""), ("A leaves", "", "")),
-    "a scene at rest is rendered for the first of 1.0": (
-        *(("A opens", "cd", ""), ("publish", "", "A1"), ("O arrives", "cdl", "")),
-        *(("publish", "", ""), ("P arrives", "", ""), ("P leaves", "", "")),
-        *(("O leaves", "", ""), ("change", "cd", "")),
-    ),
-    "another size ends who is of 1.0 [OPN-7]": (("O arrives", "cdl", ""), ("resize", "", "")),
-}
+TRANSCRIPTS = """
+host_shm
+who reads nothing has nothing rendered [IMG-10, IMG-21]
+    A opens -> cd
+    A leaves
+each image is sent once, and one at a time [IMG-1 to IMG-3]
+    A opens -> cd
+    publish -> A1
+    publish anew
+    publish anew
+    A releases -> A3
+    A releases
+an image that is there is sent to who comes later [IMG-10, IMG-11]
+    A opens -> cd
+    publish -> A1
+    B opens -> B1
+what has changed unseen is rendered for who comes next [IMG-3]
+    A opens -> cd
+    publish -> A1
+    A leaves
+    change
+    B opens -> cd
+    publish -> B2
+of an image that was on its way already nothing new may be read [IMG-25]
+    A opens c -> c
+    publish -> A1
+    A releases
+    A wants cd -> cd
+    publish -> A2
+    A releases -> cd
+    publish -> A3
+    A releases
+whatever the image before holds
+    A opens c -> c
+    B opens -> cd
+    publish -> A1 B1
+    A releases
+    A wants cd -> cd
+    publish -> A2
+    A releases -> cd
+    publish -> A3
+    A releases
+who wants more while it reads is sent one image [IMG-25]
+    A opens c -> c
+    publish -> A1
+    A wants cd -> cd
+    publish
+    A releases -> A2
+    A releases
+that was not there yet, if others had depth already
+    A opens c -> c
+    B opens -> cd
+    publish -> A1 B1
+    A wants cd
+    A releases -> cd
+    publish -> A2
+    A releases
+who wants again what it gave up is sent it [IMG-25]
+    A opens -> cd
+    publish -> A1
+    A wants c
+    A releases
+    A wants cd -> cd
+even if it might have read it while it waited
+    A opens -> cd
+    A wants c -> cd
+    A wants cd -> cd
+    publish -> A1
+    A releases -> cd
+    publish -> A2
+    A releases
+what is wanted of an image when it is begun is all it has [IMG-20]
+    A opens c -> c
+    begin -> c
+    B opens -> cd
+    end -> cd A1
+    publish -> B2
+what was wanted when the wait began is there [IMG-20]
+    A opens -> cd
+    A wants c -> cd
+    publish -> A1
+    change -> c
+    A wants d
+    A releases -> d
+    A wants c -> cd
+a lease of memory that is closed has ended [OPN-14]
+    A opens -> cd
+    publish -> A1
+    resize
+    A closes -> cd
+    publish -> A2
+without frames there is memory and no lease
+    A looks
+cuda_ipc
+who says nothing has the legacy slot written
+    O arrives -> cdl
+    publish
+without frames too
+    A looks -> cdl
+    publish
+    A leaves
+a scene at rest is rendered for the first of 1.0
+    A opens -> cd
+    publish -> A1
+    O arrives -> cdl
+    publish
+    P arrives
+    P leaves
+    O leaves
+    change -> cd
+another size ends who is of 1.0 [OPN-7]
+    O arrives -> cdl
+    resize
+"""
+"""By kind of memory: deeds, and what comes of each: the first letters of what the renderer is asked
+for then, if for anything, and who is lent which image.
+"""
+
+
+def transcripts() -> Iterator[Any]:
+    kind, name, rows = "", "", list[list[str]]()
+    for line in (*TRANSCRIPTS.strip().splitlines(), "end"):
+        if line.startswith(" "):
+            rows.append([part.strip() for part in f"{line} -> ".split("->")[:2]])
+            continue
+        if rows:
+            yield pytest.param(kind, rows, id=name)
+        kind, name, rows = (line if line in ("host_shm", "cuda_ipc") else kind), line, []
 
 
 def do(stage: Stage, deed: str, clients: dict[str, Client], begun: list[Any]) -> None:
@@ -112,20 +171,13 @@ def do(stage: Stage, deed: str, clients: dict[str, Client], begun: list[Any]) ->
         clients.pop(who).leave()
 
 
-@pytest.mark.parametrize(
-    ("kind", "transcript"),
-    [
-        pytest.param(kind, each, id=name)
-        for kind, transcripts in (("host_shm", TRANSCRIPTS), ("cuda_ipc", ON_A_GPU))
-        for name, each in transcripts.items()
-    ],
-)
-def test_who_is_shown_what(kind: str, transcript: Transcript) -> None:
+@pytest.mark.parametrize(("kind", "transcript"), [*transcripts()])
+def test_who_is_shown_what(kind: str, transcript: list[list[str]]) -> None:
     stage, clients, begun, lent = Stage(kind), dict[str, Client](), [], 0
-    for deed, *expected in transcript:
+    for deed, expected in transcript:
         do(stage, deed, clients, begun)
         view = stage.view(contents_changed=deed == "change")
-        due = "" if view is None else "".join(sorted(letter for letter, *_ in view.wants))
+        due = [] if view is None else ["".join(sorted(letter for letter, *_ in view.wants))]
         told = [
             f"{who}{message['seq']}"
             for who, client in clients.items()
@@ -133,7 +185,7 @@ def test_who_is_shown_what(kind: str, transcript: Transcript) -> None:
             if message.get("type") == "frame"
         ]
         lent += len(told)
-        assert [due, "".join(told)] == expected, deed
+        assert " ".join(due + told) == expected, deed
     assert stage.statistics.frames_sent == lent
 
 
