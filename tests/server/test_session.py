@@ -245,6 +245,19 @@ def test_who_cannot_open_goes_on_without_images(stage: Stage) -> None:
     assert stage.view() is None
 
 
+def test_what_names_nothing_is_reported_and_changes_nothing(stage: Stage) -> None:
+    """[OPN-12, IMG-16]"""
+    reader, release = stage.reader(), {"type": "release", "generation": 1, "seq": 1}
+    stage.publish()
+    reader.hear()
+    wrong = [{"type": kind, "generation": 2} for kind in ("opened", "closed")]
+    wrong += [{"type": "open_failed", "generation": 2, "reason": "no"}]
+    for messages in (wrong, [release | {"seq": 2}, release | {"generation": 2}]):
+        assert {refusal.code for refusal in reader.say(*messages)} == {"invalid_message"}
+        assert [error["code"] for error in reader.hear()] == ["invalid_message"] * len(messages)
+    assert [len(reader.say(release)) for _ in range(2)] == [0, 1]
+
+
 @pytest.mark.parametrize("kind", ["host_shm", "cuda_ipc"])
 def test_one_reader_too_many_is_told_and_closed(kind: str) -> None:
     """[IMG-18]: nor does it keep a place while its connection ends."""

@@ -110,14 +110,16 @@ def test_who_keeps_former_memory_is_disconnected(
     stage: Stage, says: list[Any], is_ended: bool
 ) -> None:
     """[VPT-7, VPT-8]: after that the size can change again; who let go can take its time."""
-    reader, asker = stage.reader(), stage.steerer()
+    reader, prompt, asker = stage.reader(), stage.reader(), stage.steerer()
     stage.now = 100.0
     asker.resize()
     reader.say(*says)
+    prompt.answer(2, 1)
     stage.wait(LET_GO_SECONDS - 0.01)
     assert reader.connection.is_open
     stage.wait(10 * LET_GO_SECONDS if not is_ended else 0.02)
     assert ("VPT-8" in str(reader.connection.ending)) == is_ended
+    assert prompt.connection.is_open
     if is_ended:
         assert asker.resize(16, 12)["code"] == "busy"
         reader.leave()
