@@ -33,13 +33,6 @@ Mask = NDArray[np.bool_]
 Line = NDArray[np.float64]
 
 
-class Stats(NamedTuple):
-    """What a render touched: spheres skipped unseen, and pixels tested against some object."""
-
-    spheres_culled: int
-    pixels_tested: int
-
-
 class Render(NamedTuple):
     """Rows top-down; the arrays belong to the raycaster and hold until its next render.
 
@@ -47,12 +40,10 @@ class Render(NamedTuple):
         color: (height, width, 4) float32, straight RGBA in [0, 1]; 0 where nothing is seen.
         depth: (height, width) float32, planar z in world units, +inf where nothing is seen;
             None if not asked for.
-        stats: what was touched.
     """
 
     color: Image
     depth: Image | None
-    stats: Stats
 
 
 @dataclass(frozen=True)
@@ -94,27 +85,25 @@ class Raycaster:
         self._color.fill(0.0)
         self._depth.fill(np.inf)
         with np.errstate(all="ignore"):  # a ray that misses computes NaN, on purpose
-            parts = [self._draw(part, camera) for part in (scene, *scene.beside)]
-        stats = Stats(*map(sum, zip(*parts)))
-        return Render(self._color, self._depth if want_depth else None, stats)
+            for part in (scene, *scene.beside):
+                self._draw(part, camera)
+        return Render(self._color, self._depth if want_depth else None)
 
-    def _draw(self, scene: Scene, camera: Camera) -> Stats:
+    def _draw(self, scene: Scene, camera: Camera) -> None:
         """Draws what has one pose, in units of the world, so that depths can be compared."""
         scene = scene.in_world_units()
         local = camera.in_axes_of(scene.pose)
-        touched = [self._draw_sphere(sphere, local, scene.light) for sphere in scene.spheres]
-        culled = touched.count(0)
+        for sphere in scene.spheres:
+            self._draw_sphere(sphere, local, scene.light)
         if scene.floor is not None:
-            touched.append(self._draw_floor(scene.floor, local, scene.light))
-        return Stats(culled, sum(touched))
+            self._draw_floor(scene.floor, local, scene.light)
 
-    def _draw_sphere(self, sphere: Sphere, camera: Camera, light: Vector) -> int:
-        """Returns the number of pixels tested: 0 if the sphere cannot be seen."""
+    def _draw_sphere(self, sphere: Sphere, camera: Camera, light: Vector) -> None:
         to_camera = transpose(camera.rotation)
         center = rotate(to_camera, subtract(sphere.center, camera.position))
         box = _sphere_box(center, sphere.radius, camera)
         if box is None:
-            return 0
+            return
         root, b, inverse_a, z = self._scratch(box)
 
         # The discriminant, about the middle of the box: no term is large where the sum is small.
@@ -157,13 +146,11 @@ class Raycaster:
         for channel, albedo in enumerate(sphere.albedo):
             np.multiply(brightness, np.float32(albedo), out=color[..., channel], where=seen)
         np.copyto(color[..., 3], np.float32(1.0), where=seen)
-        return z.size
 
-    def _draw_floor(self, floor: Floor, camera: Camera, light: Vector) -> int:
-        """Returns the number of pixels tested: 0 if the floor cannot be seen."""
+    def _draw_floor(self, floor: Floor, camera: Camera, light: Vector) -> None:
         box = _floor_box(floor, camera)
         if box is None:
-            return 0
+            return
         z, checks, along, scratch = self._scratch(box)
         across_axis, down_axis, along_axis = camera.rotation
         np.add(_row(box.x * down_axis[0] + down_axis[2]), _column(box.y * down_axis[1]), out=z)
@@ -193,7 +180,6 @@ class Raycaster:
         for albedo, where in ((floor.even, seen), (floor.odd, odd)):
             rgba = np.array((*(a * brightness for a in albedo), 1.0), np.float32)
             np.copyto(color, rgba, where=where[..., None])
-        return z.size
 
     def _nearer(self, box: _Box, z: Image) -> Mask:
         """Where z hides what was drawn so far; NaN hides nothing."""

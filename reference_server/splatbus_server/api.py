@@ -14,19 +14,16 @@ from typing import Any, Literal, NamedTuple
 from splatbus_wire.messages import (
     DEFAULT_OBJECT,
     GetScene,
-    Placement,
     Program,
     Scene,
     SceneObject,
     decode_from_server_message,
     encode,
 )
-from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.poses import Pose
 from splatbus_wire.semantics import Semantics, checked_semantics
 
 from splatbus_server.connection import Terms
-from splatbus_server.control import Poses
-from splatbus_server.exchange import Exchange
 from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.logs import log
 from splatbus_server.memory import FrameMemory, LostMemoryError, Memory
@@ -36,8 +33,8 @@ from splatbus_server.settings import listen, settings
 from splatbus_server.shared_memory import sweep_stale
 from splatbus_server.source import DepthKind
 from splatbus_server.statistics import Statistics
-from splatbus_server.telemetry import Given, Readings
-from splatbus_server.view import Intrinsics, View, field_of_view
+from splatbus_server.telemetry import Given
+from splatbus_server.view import Intrinsics, View
 
 READERS = 4
 STRAIGHT_SRGB = Semantics()
@@ -114,11 +111,6 @@ def serve(
         message = undo.enter_context(listen(where.host, where.message_port))
         images = _memory(memory, device, width, height, readers, semantics)
         undo.callback(images.close)
-        statistics = Statistics()
-        at_rest = {each.id: Placement(each.id, IDENTITY) for each in scene.objects}
-        poses = Poses(cameras[0] if cameras else IDENTITY, at_rest)
-        exchange = Exchange(images, intrinsics or field_of_view(width, height), poses, statistics)
-        readings = Readings(statistics)
         terms = Terms(
             Program("splatbus-server", version("splatbus-protocol")),
             {
@@ -129,10 +121,10 @@ def serve(
             },
             where.token,
         )
-        session = Session(exchange, cameras, readers, statistics, scene, readings, limits)
-        service = Service({"ipc": ipc, "msg": message}, session, terms, statistics, limits)
+        session = Session(images, scene, cameras, intrinsics, limits)
+        service = Service({"ipc": ipc, "msg": message}, session, terms, limits)
         address = Address(where.host, ipc.getsockname()[1], message.getsockname()[1])
-        bus = Bus(address, exchange, session, service, readings, statistics)
+        bus = Bus(address, session, service)
         undo.pop_all()
         return bus
 
@@ -146,21 +138,11 @@ class Bus:
         address: host and ports.
     """
 
-    def __init__(
-        self,
-        address: Address,
-        exchange: Exchange,
-        session: Session,
-        service: Service,
-        readings: Readings,
-        statistics: Statistics,
-    ) -> None:
+    def __init__(self, address: Address, session: Session, service: Service) -> None:
         self.address = address
-        self._exchange = exchange
+        self._exchange = session.exchange
         self._session = session
         self._service = service
-        self._readings = readings
-        self._statistics = statistics
         self._thread = threading.Thread(target=service.run, name="splatbus", daemon=True)
         self._thread.start()
 
@@ -178,7 +160,8 @@ class Bus:
     @property
     def statistics(self) -> Statistics:
         """A copy of the counts so far."""
-        return replace(self._statistics, refused=self._statistics.refused.copy())
+        counts = self._session.statistics
+        return replace(counts, refused=counts.refused.copy())
 
     def next_view(self, timeout: float = 0.1, *, contents_changed: bool = False) -> View | None:
         """The view to render next, or None if for `timeout` seconds there is nothing to do.
@@ -276,7 +259,7 @@ class Bus:
         Raises:
             ValueError: one of those that are wanted is none of these, or too long [TEL-2].
         """
-        if self._readings.give({**values, **named} if values else named, clock.monotonic()):
+        if self._session.readings.give({**values, **named} if values else named, clock.monotonic()):
             self._service.ring()
 
     def describe(self, objects: Sequence[SceneObject]) -> None:

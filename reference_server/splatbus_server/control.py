@@ -102,10 +102,10 @@ class Control:
             self.poses = self.poses.moved_by(message)
         return in_control
 
-    def leave(self, connection: Hashable) -> bool:
-        """Forgets a connection that closed; True if it had control.
+    def leave(self, connection: Hashable) -> None:
+        """Forgets a connection that closed.
 
-        That passes on to the next, and the newest of each kind that this one sent is applied. Where
+        Control passes on to the next, and the newest of each kind that this sent is applied. Where
         it says nothing, camera and objects stay; intrinsics and time do not [CTL-3].
         """
         had_control = self.holder is connection
@@ -114,7 +114,6 @@ class Control:
             self.poses = self.poses._replace(intrinsics=None, time=None)
             for message in next(iter(self.sent.values()), {}).values():
                 self.poses = self.poses.moved_by(message)
-        return had_control
 
 
 def _same_pose(a: Pose, b: Pose) -> bool:

@@ -24,7 +24,6 @@ from splatbus_server.logs import log
 from splatbus_server.peer import Peer, has_hung_up
 from splatbus_server.session import Session
 from splatbus_server.share import TURN_SECONDS, Share, clock
-from splatbus_server.statistics import Statistics
 
 READ_BYTES = 16384
 """Taken from one connection before the others have their turn."""
@@ -40,14 +39,13 @@ class Service:
         listeners: Mapping[Channel, socket.socket],
         session: Session,
         terms: Terms,
-        statistics: Statistics,
         limits: Limits = DEFAULT,
     ) -> None:
         self._listeners = listeners
         self._limits = limits
         self._session = session
         self._terms = terms
-        self._statistics = statistics
+        self._statistics = session.statistics
         self.peers: list[Peer] = []
         self._share_of_accepting = Share()
         self.selector = selectors.DefaultSelector()

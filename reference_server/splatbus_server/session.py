@@ -23,6 +23,7 @@ from splatbus_wire.messages import (
     Opened,
     OpenFailed,
     Ping,
+    Placement,
     PointCloudPose,
     Pong,
     Release,
@@ -38,7 +39,7 @@ from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.superseding import subject
 
 from splatbus_server.connection import Connection, Refusal
-from splatbus_server.control import Control
+from splatbus_server.control import Control, Poses
 from splatbus_server.exchange import WITH_LEGACY, Exchange
 from splatbus_server.limits import DEFAULT, Limits
 from splatbus_server.memory import FrameMemory
@@ -46,6 +47,7 @@ from splatbus_server.reader import Reader, receipt
 from splatbus_server.statistics import Statistics
 from splatbus_server.steering import objection, within
 from splatbus_server.telemetry import Readings
+from splatbus_server.view import Intrinsics, field_of_view
 from splatbus_server.viewport import Viewport
 
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
@@ -67,40 +69,38 @@ class Session:
         control: who steers.
         readers: what each client on the IPC channel was told and still has.
         readings: telemetry from the renderer.
+        statistics: to count in.
         told_busy: who knows that it does not steer [CTL-2].
     """
 
     def __init__(
         self,
-        exchange: Exchange,
-        cameras: Sequence[Pose],
-        readers: int,
-        statistics: Statistics,
+        memory: FrameMemory,
         scene: Scene,
-        readings: Readings,
+        cameras: Sequence[Pose] = (),
+        intrinsics: Intrinsics | None = None,
         limits: Limits = DEFAULT,
     ) -> None:
         """Starts without connections.
 
         Args:
-            exchange: with the renderer.
-            cameras: that the scene comes with [REQ-6].
-            readers: how many clients may hold an image at a time [IMG-18].
-            statistics: to count in.
-            scene: what `get_scene` tells at first.
-            readings: telemetry from the renderer.
+            memory: where images are published at first.
+            scene: what `get_scene` tells at first; its objects are at rest.
+            cameras: that the scene comes with [REQ-6]; the first is where a view begins.
+            intrinsics: the renderer's own; those of `field_of_view` if not given.
             limits: to what clients may take.
         """
         self.has_news = False
         self.deadline = math.inf
         self.scene = scene
-        self.viewport = Viewport(exchange, limits)
-        self.exchange = exchange
+        self.statistics = Statistics()
+        self.readings = Readings(self.statistics)
         self._cameras = tuple(cameras) or (IDENTITY,)
-        self._most_readers = readers
-        self._statistics = statistics
-        self.readings = readings
-        self.control = Control(exchange.poses)
+        at_rest = {each.id: Placement(each.id, IDENTITY) for each in scene.objects}
+        self.control = Control(Poses(self._cameras[0], at_rest))
+        lens = intrinsics or field_of_view(memory.width, memory.height)
+        self.exchange = Exchange(memory, lens, self.control.poses, self.statistics)
+        self.viewport = Viewport(self.exchange, limits)
         self._moves: Counter[object] = Counter()
         self.told_busy: set[Connection] = set()
         self.readers: dict[Connection, Reader] = {}
@@ -158,7 +158,7 @@ class Session:
             self._moves = Counter()
         refusal = self.viewport.settle(self.hindrance, now)
         if refusal is not None:
-            self._statistics.refused[refusal.code] += 1
+            self.statistics.refused[refusal.code] += 1
         memory = self.exchange.memory
         for connection, reader in self.readers.items():
             if reader.told < memory.generation and connection.is_open:
@@ -200,7 +200,7 @@ class Session:
         if self.control.move(connection, within(message, self.scene.time_range)):
             self.has_news = True
             self._moves[subject(message)] += 1
-            self._statistics.poses_received += 1
+            self.statistics.poses_received += 1
             return None
         refusal = Refusal("busy", "another client steers the scene [POS-11]")
         if connection not in self.told_busy:  # CTL-1, CTL-2
@@ -210,7 +210,7 @@ class Session:
 
     def answer(self, connection: Connection, request: Request, now: float) -> Refusal | None:
         """Replies to a request, but to `set_viewport`: that is begun."""
-        self._statistics.requests += 1
+        self.statistics.requests += 1
         if isinstance(request, GetViewportSize):
             memory = self.exchange.memory
             connection.send(ViewportSize(memory.width, memory.height, request.id))
@@ -253,13 +253,11 @@ class Session:
 
     def greet(self, connection: Connection, now: float) -> Refusal | None:
         """Takes an IPC client that can open the memory [NEG-11, CHN-5] for a reader."""
-        version = connection.welcome.version if connection.welcome else "1.0"
-        is_named = connection.has("host_shm") and version != "1.0"
-        is_reader = is_named or self.exchange.memory.kind == "cuda_ipc"
+        is_reader = connection.has("host_shm") or self.exchange.memory.kind == "cuda_ipc"
         if connection.channel != "ipc" or not is_reader:
             return None
         let_in = sum(reader.is_let_in for reader in self.readers.values())
-        if connection.has("frames") and let_in == self._most_readers:
+        if connection.has("frames") and let_in == self.exchange.memory.ring.clients:
             reason = f"{let_in} clients read images already [IMG-18]"
             refusal = connection.complain(Refusal("too_many_clients", reason))
             connection.end(reason, now)
@@ -322,7 +320,7 @@ class Session:
         if image is not None:
             reader.take(image)
             connection.send(reader.frame(image))
-            self._statistics.frames_sent += 1
+            self.statistics.frames_sent += 1
 
     def end_who_keeps(self, now: float) -> None:
         """Disconnects who has had former memory for too long [VPT-8]."""

@@ -20,7 +20,6 @@ from splatbus_conformance.wire.ports import free_port
 from splatbus_conformance.wire.recording import RecordingError, load
 
 from tests.foreign.programs import FOLDERS, Lacking, command, read
-from tests.pair.behind_a_proxy import NAMES
 from tests.waiting import eventually
 
 ENOUGH = 5
@@ -31,6 +30,7 @@ OURS = {
     "server": f"{shlex.quote(sys.executable)} -m splatbus_renderer --quiet --size 64x48",
 }
 SIMULATES = {"SIMULATES": "1.2"}
+NAMES = ("SPLATBUS_HOST", "SPLATBUS_IPC_PORT", "SPLATBUS_MSG_PORT")
 
 
 def later(side: str) -> str:

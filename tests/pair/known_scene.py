@@ -1,20 +1,18 @@
-"""The demo scene, served, and what each pixel of a frame has to be by that frame's own words."""
+"""The demo scene, served, and what a frame of it has to be by that frame's own words."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import splatbus_client
 import splatbus_server
-from splatbus_renderer import scene
-from splatbus_renderer.demo import render_until, turning_time
+from splatbus_conformance.images.known_scene import SceneState, render
+from splatbus_conformance.images.pinhole import Camera, ObjectPlacement, rigid, rotation_matrix
+from splatbus_renderer.demo import BOBBING_TIME, OBJECTS, render_until, turning_time
 
-from tests.closed_form import exact_pixels, matrix
 from tests.pair.rig import Tap, served
 
 
@@ -23,31 +21,34 @@ def showing(
     width: int = 96, height: int = 54, degrees: float = 0.0, **options: Any
 ) -> Iterator[tuple[splatbus_server.Bus, Tap]]:
     """The demo scene, turning by so many degrees a second, at 500 images a second at most."""
-    moving = {"time_range": turning_time(degrees), **options}
+    time_range = turning_time(degrees) or BOBBING_TIME
     with served(
-        lambda stopped, bus: render_until(stopped, bus, 500.0, degrees), width, height, **moving
+        lambda stopped, bus: render_until(stopped, bus, 500.0, degrees),
+        *(width, height),
+        **{"objects": OBJECTS, "time_range": time_range, **options},
     ) as both:
         yield both
 
 
-def wrong_pixels(
-    frame: splatbus_client.FrameLease, degrees: float = 0.0, samples: int = 60
-) -> tuple[int, int]:
-    """How many of some pixels are not as camera, objects and time of the frame say; of how many."""
-    camera, placement = frame.camera, frame.placement()
-    half = math.radians(degrees * frame.time) / 2
-    about_y = matrix((0.0, math.sin(half), 0.0, math.cos(half)))
-    turned = scene.multiply(matrix(placement.pose.rotation), about_y)
-    posed = scene.ObjectPose(placement.pose.position, turned, placement.scale)
-    shown = replace(scene.default_scene(), pose=posed)
-    wrong = seen = 0
-    for row, column, color, depth in exact_pixels(shown, camera, samples, frame.seq):
-        seen += 1
-        wrong += not (
-            np.allclose(frame.color[row, column], color, atol=2e-3)
-            and (
-                frame.depth[row, column] == depth
-                or abs(frame.depth[row, column] / depth - 1) < 1e-4
-            )
-        )
-    return wrong, seen
+def is_right(frame: splatbus_client.FrameLease, degrees: float = 0.0) -> bool:
+    """Whether it shows the scene as its camera, objects and time say, in the harness's closed form.
+
+    Args:
+        frame: that is held.
+        degrees: that the scene turns in a second of its time; one that does not has a sphere that
+            bobs.
+    """
+    half = math.radians(degrees * frame.time) / 2.0
+    turn = rotation_matrix((0.0, math.sin(half), 0.0, math.cos(half)))
+
+    def placed(name: str) -> ObjectPlacement:
+        _, pose, scale = frame.placement(name)
+        lies = rigid(pose.position, pose.rotation)
+        return ObjectPlacement(lies._replace(rotation=lies.rotation @ turn), scale)
+
+    (at, turned), fx, fy, cx, cy, width, height, near, far, *_ = frame.camera
+    camera = Camera(rigid(at, turned), fx, fy, cx, cy, width, height, near, far)
+    time = 0.0 if degrees else frame.time
+    exact = render(camera, SceneState(placed("default"), placed("ball"), time))
+    seen = exact.certain.mean() > 0.5 and exact.color.any()
+    return bool(seen and exact.agreement(frame.color, frame.depth) == 1.0)

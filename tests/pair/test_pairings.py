@@ -7,22 +7,12 @@ from splatbus_client import Pose
 from splatbus_schemas import names
 
 from tests.pair.legacy import replay, server_of_1_0
-from tests.pair.painting import is_whole, painter
+from tests.pair.painting import painter
 from tests.pair.rig import MOST_SECONDS, serving
 from tests.peers.legacy_server import POSITION, ROTATION
 from tests.waiting import eventually
 
 MESSAGES_OF_1_0 = {name for name in names("1.0") if not name.endswith(("_reply", "packet"))}
-
-
-def test_both_of_1_1() -> None:
-    with serving(painter()) as (_, tap), tap.session() as session:
-        session.send_camera(Pose((0.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0)))
-        with session.next_frame(MOST_SECONDS) as frame:
-            assert is_whole(frame)
-        assert session.viewport_size(MOST_SECONDS) == (32, 24)
-        assert eventually(lambda: session.status.message.version == "1.1"), "welcome"
-    tap.assert_conforming()
 
 
 def test_a_client_of_1_1_falls_back_without_a_timer() -> None:

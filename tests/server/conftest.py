@@ -48,10 +48,6 @@ def whole_log(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def stage() -> Iterator[Stage]:
+def stage() -> Stage:
     """A session without sockets."""
-    stage = Stage()
-    yield stage
-    stage.do_chores()
-    for memory in (*stage.exchange.replaced, stage.exchange.memory):
-        memory.close()
+    return Stage()

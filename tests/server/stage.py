@@ -1,46 +1,41 @@
-"""A session with its clients and its renderer, without sockets, threads or a clock."""
+"""A session with its clients and its renderer, without sockets, threads, a clock or memory."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from splatbus_server.connection import Connection, Refusal, Terms
-from splatbus_server.control import Poses
-from splatbus_server.exchange import Exchange
 from splatbus_server.limits import DEFAULT, Limits
-from splatbus_server.memory import Memory
 from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
-from splatbus_server.statistics import Statistics
-from splatbus_server.telemetry import Readings
-from splatbus_server.view import View, field_of_view
-from splatbus_wire.messages import Placement, Program, Scene, SceneObject
-from splatbus_wire.poses import IDENTITY, Pose
-from splatbus_wire.semantics import Semantics
+from splatbus_server.view import View
+from splatbus_wire.messages import Channel, Program, Scene, SceneObject
+from splatbus_wire.poses import Pose
 
 from tests.peers.raw_client import hello, packet, packets
+from tests.simulation.machine.memory import Memory, Store
+from tests.simulation.machine.world import World
 
 CAMERAS = [Pose((float(index), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for index in range(3)]
-OBJECTS = {name: Placement(name, IDENTITY) for name in ("default", "chair")}
 SCENE = Scene(
-    tuple(SceneObject(name, name.title(), 7) for name in OBJECTS), (0.0, 2.0), 3, (0.0, 0.0, 0.0)
+    tuple(SceneObject(name, name.title(), 7) for name in ("default", "chair")),
+    (0.0, 2.0),
+    len(CAMERAS),
+    (0.0, 0.0, 0.0),
 )
-TERMS = Terms(Program("s", "1"), {"ipc": CAPABILITIES, "msg": MESSAGE_CAPABILITIES})
 READERS = 2
 
 
 class Stage:
-    """A session and its renderer, without sockets and threads."""
+    """A session, who takes part in it, and the moment that it is."""
 
-    def __init__(self, memory: Memory | None = None, limits: Limits = DEFAULT) -> None:
-        self.memory = memory or Memory(4, 2, READERS, Semantics())
-        self.statistics = Statistics()
-        self.readings = Readings(self.statistics)
+    def __init__(self, kind: str = "host_shm", limits: Limits = DEFAULT) -> None:
+        self.world = World(0)
+        self.world.is_calm = True
+        self.memory: Any = Memory(Store(self.world), kind, 4, 2, READERS)
+        self.capabilities = tuple(kind if name == "host_shm" else name for name in CAPABILITIES)
         self.now = 0.0
-        poses = Poses(IDENTITY, OBJECTS)
-        self.exchange = Exchange(self.memory, field_of_view(4, 2), poses, self.statistics)
-        self.session = Session(
-            self.exchange, CAMERAS, READERS, self.statistics, SCENE, self.readings, limits
-        )
+        self.session = Session(self.memory, SCENE, CAMERAS, None, limits)
+        self.exchange, self.statistics = self.session.exchange, self.session.statistics
 
     def catch_up(self) -> None:
         """What the service does after each turn; chores are for `do_chores`."""
@@ -63,27 +58,32 @@ class Stage:
             self.catch_up()
         self.now = end
 
-    def connect(self, *capabilities: str, **other: Any) -> Client:
-        client = Client(self, Connection("ipc", TERMS, self.now))
-        client.say(hello(*(capabilities or CAPABILITIES), **other))
+    def arrive(self, channel: Channel = "ipc", token: str | None = None) -> Client:
+        """Somebody who has said nothing yet, as the service takes it."""
+        capabilities = {"ipc": self.capabilities, "msg": MESSAGE_CAPABILITIES}
+        terms = Terms(Program("s", "1"), capabilities, token)
+        client = Client(self, Connection(channel, terms, self.now))
+        if channel == "ipc" and token is None:
+            self.session.join(client.connection)
+        self.catch_up()
         return client
 
-    def steerer(self, *capabilities: str) -> Client:
-        """A client of 1.1 on the message channel, with all capabilities if none is named."""
-        client = Client(self, Connection("msg", TERMS, self.now))
-        client.say(hello(*(capabilities or MESSAGE_CAPABILITIES)))
-        client.hear()
+    def steerer(self) -> Client:
+        """A client of 1.1 on the message channel."""
+        client = self.arrive("msg")
+        assert client.ask(hello(*MESSAGE_CAPABILITIES))["type"] == "welcome"
         return client
 
     def reader(self, *capabilities: str) -> Client:
         """A client that has opened the memory."""
-        client = self.connect(*capabilities)
+        client = self.arrive()
+        client.say(hello(*(capabilities or self.capabilities)))
         client.say({"type": "opened", "generation": self.exchange.memory.generation})
         client.hear()
         return client
 
-    def view(self) -> View | None:
-        return self.exchange.next_view(0, False)
+    def view(self, *, contents_changed: bool = False) -> View | None:
+        return self.exchange.next_view(0, contents_changed)
 
     def publish(self, view: View | None = None) -> None:
         view = view or self.view()
@@ -91,11 +91,16 @@ class Stage:
         self.exchange.publish(view, 0.0, lambda slot, wants: None)
         self.catch_up()
 
-    def resize(self, width: int, height: int) -> Memory:
+    def resize(self, width: int, height: int) -> None:
+        """As the renderer does."""
         former = self.exchange.memory
         assert self.exchange.replace(former, former.successor(width, height), is_own=True)
         self.catch_up()
-        return self.exchange.memory
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Of the images."""
+        return self.exchange.memory.width, self.exchange.memory.height
 
 
 class Client:
@@ -105,8 +110,7 @@ class Client:
 
     def say(self, *messages: Any) -> list[Refusal]:
         """Sends; returns what was refused."""
-        refused = []
-        now = self.stage.now
+        refused, now = [], self.stage.now
         if messages:
             self.connection.receive(b"".join(map(packet, messages)), now)
         while (event := self.connection.next_event(now)) is not None:
@@ -128,13 +132,17 @@ class Client:
         (answer,) = self.hear()
         return answer
 
-    def frame(self) -> dict[str, Any]:
-        (frame,) = self.hear()
-        assert frame["type"] == "frame"
-        return frame
+    def resize(self, width: int = 8, height: int = 6) -> dict[str, Any]:
+        """Asks for another size, waits for the memory, and returns the reply."""
+        self.say({"type": "set_viewport", "width": width, "height": height, "id": 12})
+        self.stage.do_chores()
+        (reply,) = self.hear()
+        return reply
 
-    def release(self, frame: dict[str, Any]) -> list[Refusal]:
-        return self.say({"type": "release", "generation": frame["generation"], "seq": frame["seq"]})
+    def answer(self, opened: int, *closed: int) -> None:
+        """Says which generation it has opened, and which it has closed."""
+        self.say({"type": "opened", "generation": opened})
+        self.say(*({"type": "closed", "generation": each} for each in closed))
 
     def leave(self) -> None:
         self.stage.session.leave(self.connection)

@@ -1,321 +1,296 @@
+"""What a connection makes of bytes and moments: transcripts, fed at once and byte by byte."""
+
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
+from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from splatbus_schemas import LIMITS
 from splatbus_server.connection import (
+    FULL_BYTES,
+    LINGER_SECONDS,
+    LONG_BYTES,
+    REST_SECONDS,
     Connection,
     Refusal,
     Terms,
 )
-from splatbus_wire.messages import (
-    CameraPose,
-    Channel,
-    GetViewportSize,
-    Hello,
-    Opened,
-    ViewportSize,
-)
+from splatbus_wire.messages import Channel, Program
 
-from tests.peers.raw_client import camera_pose, hello, packet
-from tests.server.talk import GUARDED, OPEN, REQUEST, events, greeted, sent
+from tests.peers.raw_client import camera_pose, hello, packet, packets
 
-
-def test_messages_come_out_however_the_bytes_come_in() -> None:
-    """[FRM-4]"""
-    connection = Connection("msg", OPEN, 0.0)
-    stream = REQUEST + packet(camera_pose(1.0)) + REQUEST
-    found = [event for byte in stream for event in events(connection, bytes([byte]))]
-    assert [type(event) for event in found] == [GetViewportSize, CameraPose, GetViewportSize]
-    assert events(connection, stream) == found
+OPEN = Terms(Program("s", "1"), {"ipc": ("host_shm", "frames"), "msg": ()})
+GUARDED = OPEN._replace(token="secret")
+SIZE: dict[str, Any] = {"type": "get_viewport_size"}
+CAMERA: dict[str, Any] = {"type": "get_camera_pose"}
+REQUEST = packet(SIZE)
+WELCOME = "welcome 1.1"
 
 
-@settings(deadline=None)
-@given(st.data())
-def test_no_division_of_the_stream_changes_what_is_understood(data: st.DataObject) -> None:
-    """[FRM-4]"""
-    messages = [
-        {"type": "get_viewport_size"},
-        camera_pose(2.0),
-        hello(),
-        {"type": "nope"},
-        {"type": "get_camera_pose", "cam_idx": 1, "id": 3},
-        b"[]",
-    ]
-    chosen = data.draw(st.lists(st.sampled_from(messages), max_size=8))
-    stream = b"".join(map(packet, chosen))
-    cuts = data.draw(st.lists(st.integers(0, len(stream)), max_size=8).map(sorted))
-    whole, divided = (Connection("msg", OPEN, 0.0) for _ in range(2))
+def events(connection: Connection, now: float) -> list[str]:
+    """What it makes of what it has: the types of messages, the codes of refusals."""
     found = []
-    for start, end in zip([0, *cuts], [*cuts, len(stream)], strict=True):
-        if start < end:
-            found += events(divided, stream[start:end])
-    assert found == (events(whole, stream) if stream else [])
-    assert divided.unsent == whole.unsent
-    assert divided.ending == whole.ending
+    while (event := connection.next_event(now)) is not None:
+        found.append(event.code if isinstance(event, Refusal) else type(event).__name__)
+    return found
 
 
-json_values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: (
-        st.lists(inner, max_size=4)
-        | st.dictionaries(
-            st.sampled_from(["x", "y", "z", "w", "id"]) | st.text(), inner, max_size=5
+def said(connection: Connection) -> list[str]:
+    """What it has to say: of an error its code, to what in which request."""
+    names = ("code", "version", "pointer", "id")
+    return [
+        " ".join(
+            [message["type"]] * ("code" not in message)
+            + [str(message[n]) for n in names if n in message]
         )
+        for message in packets(bytes(connection.unsent))
+    ]
+
+
+TALKS: dict[str, tuple[Terms, str, list[Any], list[str], list[str], str]] = {
+    "hello is answered before what follows [NEG-6, NEG-7]": (
+        *(OPEN, "ipc", [hello("frames", "x-unknown"), {"type": "opened", "generation": 3}]),
+        *(["Hello", "Opened"], [WELCOME], ""),
     ),
-    max_leaves=12,
-)
-
-
-TYPES = [
-    *("camera_pose", "point_cloud_pose", "get_viewport_size", "get_camera_pose", "hello"),
-    *("opened", "open_failed", "closed", "release", "subscribe", "welcome", "frame"),
-]
-
-
-MEMBERS = [
-    *("position", "rotation", "timestamp", "cam_idx", "versions", "client", "capabilities"),
-    *("token", "generation", "seq", "reason", "channels", "id"),
-]
-
-
-objects = st.builds(
-    lambda kind, members: text_of({"type": kind, **members}),
-    st.sampled_from(TYPES),
-    st.dictionaries(st.sampled_from(MEMBERS), json_values, max_size=6),
-)
-
-
-def text_of(message: object) -> bytes:
-    return json.dumps(message).encode("utf-8", "surrogatepass")
-
-
-@settings(deadline=None, max_examples=150)
-@given(
-    st.sampled_from(["ipc", "msg"]),
-    st.booleans(),
-    st.lists(
-        objects | st.binary(min_size=1, max_size=40) | json_values.map(text_of),
-        min_size=1,
-        max_size=5,
+    "versions that are not supported [NEG-10]": (
+        *(OPEN, "msg", [hello(versions=["9.0"]), SIZE]),
+        *(["unsupported_version"], ["unsupported_version"], "NEG-25"),
     ),
+    "a wrong token [NEG-18]": (
+        *(GUARDED, "msg", [hello(token="secret "), hello(token="secret"), SIZE]),
+        *(["unauthorized"], ["unauthorized"], "NEG-25"),
+    ),
+    "without a token a guarded server is deaf [NEG-19]": (
+        *(GUARDED, "msg", [SIZE, camera_pose(), b"[", hello(token="secret"), SIZE]),
+        ["unauthorized", "unauthorized", "malformed_json", "Hello", "GetViewportSize"],
+        *([WELCOME], ""),
+    ),
+    "on the IPC channel nothing before hello ends it [CHN-7, NEG-22]": (
+        *(OPEN, "ipc", [b"\xff", b"[]", SIZE, {"type": "opened", "generation": 1}]),
+        *(["malformed_json", "not_an_object", "unknown_type", "unauthorized"], [], ""),
+    ),
+    "a hello that cannot be read is answered, and the last word [NEG-35]": (
+        *(OPEN, "ipc", [hello(versions=[]), hello()]),
+        *(["invalid_message"], ["invalid_message /versions"], "NEG-35"),
+    ),
+    "but not the second one [NEG-3, NEG-26]": (
+        *(OPEN, "msg", [hello(), hello(versions=[]), hello(), SIZE]),
+        ["Hello", "invalid_message", "invalid_message", "GetViewportSize"],
+        *([WELCOME, "invalid_message /versions", "invalid_message"], ""),
+    ),
+    "who agrees upon 1.0 has what 1.0 has [NEG-31, NEG-33]": (
+        GUARDED,
+        "msg",
+        [hello(versions=["1.0", "1.1"], token="secret"), {"type": "nope"}, SIZE, hello()],
+        *(["Hello", "unknown_type", "GetViewportSize", "unknown_type"], ["welcome 1.0"], ""),
+    ),
+    "who awaits a reply in vain is told by an end [REQ-9]": (
+        *(OPEN, "msg", [{"type": "nope"}, CAMERA, SIZE]),
+        *(["unknown_type", "invalid_message"], [], "REQ-9"),
+    ),
+    "after hello by an error that names the request, if that is one [NEG-23, NEG-27, NEG-29]": (
+        *(OPEN, "msg"),
+        [
+            hello(),
+            CAMERA | {"id": 7.0},
+            CAMERA,
+            *(SIZE | {"id": bad} for bad in (-1, 7.5, 2**53, 1e300, "7", True, None)),
+            *({"type": kind, "id": 7} for kind in ("camera_pose", "weather", ["ping"])),
+            SIZE,
+        ],
+        ["Hello", *["invalid_message"] * 10, *["unknown_type"] * 2, "GetViewportSize"],
+        [
+            *(
+                WELCOME,
+                "invalid_message /cam_idx 7",
+                "invalid_message /cam_idx",
+                *["invalid_message /id"] * 7,
+            ),
+            *("invalid_message /position", *["unknown_type /type"] * 2),
+        ],
+        "",
+    ),
+}
+
+
+@pytest.mark.parametrize("step", [1, 1 << 20])
+@pytest.mark.parametrize(
+    ("terms", "channel", "messages", "expected", "replies", "ending"),
+    [pytest.param(*talk, id=name) for name, talk in TALKS.items()],
 )
-def test_no_payload_is_a_surprise(channel: Channel, greets: bool, payloads: list[bytes]) -> None:
-    """[JSN-10, CHN-7, NEG-22, NEG-26]: what arrives is understood, or refused."""
-    connection = greeted(channel, "frames") if greets else Connection(channel, OPEN, 0.0)
-    events(connection, b"".join(map(packet, payloads)))
-    codes = [message.get("code", "welcome") for message in sent(connection)]
-    first = codes[:1]
-    if greets:
-        assert connection.ending is None
-    elif channel == "ipc":
-        assert (connection.ending is not None) == (first not in ([], ["welcome"]))
-    assert greets or first in ([], ["welcome"], ["unsupported_version"], ["invalid_message"])
+def test_what_is_said(
+    terms: Terms,
+    channel: Channel,
+    messages: list[Any],
+    expected: list[str],
+    replies: list[str],
+    ending: str,
+    step: int,
+) -> None:
+    """[FRM-4]: however the bytes come."""
+    connection = Connection(channel, terms, 0.0)
+    data, found = b"".join(map(packet, messages)), []
+    for start in range(0, len(data), step):
+        connection.receive(data[start : start + step], 0.0)
+        found += events(connection, 0.0)
+    assert (found, said(connection)) == (expected, replies)
+    assert connection.is_open == (not ending)
+    assert ending in str(connection.ending)
 
 
-def test_hello_is_answered_before_what_follows_it() -> None:
-    """[NEG-6, NEG-7]"""
-    connection = Connection("ipc", OPEN, 0.0)
-    data = packet(hello("frames", "x-unknown")) + packet({"type": "opened", "generation": 3})
-    first, second = events(connection, data)
-    assert isinstance(first, Hello)
-    assert second == Opened(3)
-    (welcome,) = sent(connection)
-    assert welcome["capabilities"] == ["frames"]
-    assert connection.has("frames")
-    assert not connection.has("host_shm")
+# By a made-up clock
+
+Deed = Callable[[Connection, float], None]
 
 
-def test_a_server_names_what_it_supports_and_closes() -> None:
-    """[NEG-10]"""
+def feed(data: bytes) -> Deed:
+    return lambda connection, now: connection.receive(data, now)
+
+
+def queue(count: int) -> Deed:
+    return lambda connection, now: connection.unsent.extend(bytes(count))
+
+
+def take(count: int) -> Deed:
+    """As many bytes as TCP takes."""
+    return lambda connection, now: connection.sent(min(count, len(connection.unsent)), now)
+
+
+def long_pose(length: int) -> bytes:
+    pose = json.dumps({**camera_pose(1.0), "note": ""})
+    return packet((pose[:-2] + "x" * (length - len(pose)) + pose[-2:]).encode())
+
+
+def hold(connection: Connection, now: float) -> None:
+    connection.hold()
+
+
+EXPIRE, GO_ON, ALL = Connection.expire, Connection.go_on, 1 << 22
+LATE: float = LIMITS["packet_completion_seconds"]
+STALLED: float = LIMITS["stalled_reader_seconds"]
+UNREAD: int = LIMITS["max_unsent_bytes"]
+LONGEST = LIMITS["max_payload_bytes"]
+RESTED = 1.0 + REST_SECONDS
+TIMELINES: dict[str, list[tuple[float, Deed, list[str], float | str]]] = {
+    "a packet has ten seconds from its first byte [FRM-5]": [
+        (1.0, feed(REQUEST), ["GetViewportSize"], math.inf),
+        (5.0, feed(REQUEST + REQUEST[:2]), ["GetViewportSize"], 5.0 + LATE),
+        (9.0, feed(REQUEST[2:6]), [], 5.0 + LATE),
+        (12.0, feed(REQUEST[6:] + REQUEST[:1]), ["GetViewportSize"], 12.0 + LATE),
+        (12.0 + LATE, EXPIRE, [], "FRM-5"),
+    ],
+    "what reads as a length is told to be TLS": [
+        (0.0, feed(b"\x16\x03\x01\x00\xf0\x01"), [], LATE),
+        (LATE, EXPIRE, [], "TLS"),
+    ],
+    "an end within a packet is told [FRM-6]": [
+        (0.0, feed(REQUEST + REQUEST[:5]), ["GetViewportSize"], LATE),
+        (1.0, feed(b""), [], "FRM-6"),
+    ],
+    "who does not read is given five seconds [LIM-2]": [
+        (0.0, queue(UNREAD), [], math.inf),
+        (1.0, take(0), [], 1.0 + STALLED),
+        (3.0, take(0), [], 1.0 + STALLED),
+        (4.0, take(4), [], 4.0 + STALLED),
+        (4.0 + STALLED, EXPIRE, [], "LIM-2"),
+    ],
+    "and a megabyte [LIM-2]": [
+        (0.0, queue(UNREAD + 1), [], math.inf),
+        (0.0, take(0), [], "LIM-2"),
+    ],
+    "who does not read is not heard, nor late meanwhile [LIM-2, FRM-5]": [
+        (0.0, feed(REQUEST[:5]), [], LATE),
+        (0.0, queue(FULL_BYTES + 100), [], LATE),
+        (1.0, take(1), [], 1.0 + STALLED),
+        (2.0, feed(REQUEST[5:] + REQUEST[:5]), [], 1.0 + STALLED),
+        (5.0, take(98), [], 5.0 + STALLED),
+        (9.0, take(1), ["GetViewportSize"], 9.0 + STALLED),
+        (9.0, take(ALL), [], 9.0 + LATE),
+    ],
+    "a packet begins with its first byte, not with the end of a rest [FRM-5, CHN-9]": [
+        (0.0, queue(FULL_BYTES + 1), [], math.inf),
+        (0.0, take(0), [], STALLED),
+        (1.0, take(ALL), [], math.inf),
+    ],
+    "who sends long packets rests [FRM-2]": [
+        (1.0, feed(long_pose(LONGEST) + REQUEST + REQUEST[:5]), ["CameraPose"], RESTED),
+        (RESTED, EXPIRE, ["GetViewportSize"], RESTED + LATE),
+        (
+            RESTED + LATE,
+            feed(REQUEST[5:] + long_pose(LONG_BYTES) + REQUEST),
+            ["GetViewportSize", "CameraPose", "GetViewportSize"],
+            math.inf,
+        ),
+    ],
+    "a request that takes time and a rest end apart": [
+        (0.0, feed(long_pose(LONG_BYTES + 1) + REQUEST + REQUEST[:5]), ["CameraPose"], -1.0),
+        (0.0, hold, [], -1.0),
+        (1.0, EXPIRE, [], math.inf),
+        (60.0, GO_ON, ["GetViewportSize"], 60.0 + LATE),
+    ],
+    "who has had more than its share is not late meanwhile": [
+        (0.0, feed(REQUEST[:5]), [], LATE),
+        (1.0, lambda connection, now: connection.charge(1.0, 0, now), [], -1.0),
+        (LATE + 1.0, feed(REQUEST[5:]), [], -1.0),
+        (50.0, EXPIRE, ["GetViewportSize"], math.inf),
+    ],
+    "who is ended can read the last words [NEG-34]": [
+        (0.0, feed(packet(hello()) + bytes(4)), ["Hello", "malformed_packet"], math.inf),
+        (2.0, take(ALL), [], 2.0 + LINGER_SECONDS),
+        (2.5, feed(REQUEST), [], 2.0 + LINGER_SECONDS),
+        (2.0 + LINGER_SECONDS, EXPIRE, [], "FRM-3"),
+    ],
+}
+"""Moments, deeds, the events after each, and the deadline then (−1: whatever it is), or the end."""
+
+
+@pytest.mark.parametrize(
+    "timeline", [pytest.param(rows, id=name) for name, rows in TIMELINES.items()]
+)
+def test_when_it_happens(timeline: list[tuple[float, Deed, list[str], float | str]]) -> None:
     connection = Connection("msg", OPEN, 0.0)
-    (refusal,) = events(connection, packet(hello(versions=["9.0"])))
-    assert isinstance(refusal, Refusal)
-    (error,) = sent(connection)
-    assert error["code"] == "unsupported_version"
-    assert error["supported"] == ["1.0", "1.1"]
-    assert connection.ending is not None
+    for now, deed, expected, then in timeline:
+        deed(connection, now)
+        assert events(connection, now) == expected
+        if isinstance(then, str):
+            assert then in str(connection.ending)
+            assert connection.over or connection.deadline == now + LINGER_SECONDS
 
-
-@pytest.mark.parametrize("channel", ["ipc", "msg"])
-@pytest.mark.parametrize("token", [{}, {"token": "wrong"}, {"token": "secret "}])
-def test_a_wrong_token_is_refused(channel: Channel, token: dict[str, str]) -> None:
-    """[NEG-18]"""
-    connection = Connection(channel, GUARDED, 0.0)
-    stream = packet(hello(**token)) + packet(hello(token="secret")) + REQUEST
-    (refusal,) = events(connection, stream)
-    assert isinstance(refusal, Refusal)
-    assert [message["code"] for message in sent(connection)] == ["unauthorized"]
-    assert connection.welcome is None
-    assert connection.ending is not None
-
-
-def test_without_its_hello_a_guarded_server_is_deaf() -> None:
-    """[NEG-19]"""
-    connection = Connection("msg", GUARDED, 0.0)
-    stream = REQUEST + packet(camera_pose()) + packet(b"[") + packet({"type": "nope"})
-    assert all(isinstance(event, Refusal) for event in events(connection, stream))
-    assert not connection.unsent
-    assert connection.ending is None
-    events(connection, packet(hello(token="secret")))
-    assert events(connection, REQUEST) == [GetViewportSize()]
+        else:
+            assert then in (-1.0, connection.deadline)
 
 
 def test_a_guarded_server_awaits_hello_for_ten_seconds() -> None:
     """[NEG-12]"""
-    connection = Connection("ipc", GUARDED, 100.0)
-    assert connection.deadline == 100.0 + LIMITS["hello_seconds"]
-    connection.expire(connection.deadline)
-    assert "NEG-12" in str(connection.ending)
-    assert Connection("ipc", OPEN, 100.0).deadline == math.inf
-    events(greeting := Connection("ipc", GUARDED, 100.0), packet(hello(token="secret")))
+    silent, greeting = (Connection("ipc", GUARDED, 100.0) for _ in range(2))
+    assert silent.deadline == 100.0 + LIMITS["hello_seconds"]
+    silent.expire(silent.deadline)
+    assert "NEG-12" in str(silent.ending)
+    greeting.receive(packet(hello(token="secret")), 101.0)
+    assert events(greeting, 101.0) == ["Hello"]
     assert greeting.deadline == math.inf
 
 
-def test_the_ipc_channel_is_never_closed_for_what_it_says_before_hello() -> None:
-    """[CHN-7, NEG-22]"""
-    connection = Connection("ipc", OPEN, 0.0)
-    for payload in (b"\xff", b"[]", b"{", b'{"type":1}', b'{"type":"get_viewport_size"}'):
-        (refusal,) = events(connection, packet(payload))
-        assert isinstance(refusal, Refusal)
-    assert not connection.unsent
-    assert connection.ending is None
-
-
-@pytest.mark.parametrize("channel", ["ipc", "msg"])
-def test_a_hello_that_cannot_be_read_is_answered_and_the_last_word(channel: Channel) -> None:
-    """[NEG-35, NEG-22]"""
-    connection = Connection(channel, OPEN, 0.0)
-    (refusal,) = events(connection, packet(hello(versions=[])) + REQUEST)
-    assert isinstance(refusal, Refusal)
-    (error,) = sent(connection)
-    assert (error["type"], error["code"], error["pointer"]) == (
-        "error", "invalid_message", "/versions",
-    )  # fmt: skip
-    assert "NEG-35" in str(connection.ending)
-
-
-def test_a_second_hello_that_cannot_be_read_is_no_reason_to_close() -> None:
-    """[NEG-26, NEG-35]"""
-    connection = greeted()
-    events(connection, packet({"type": "hello"}) + REQUEST)
-    assert [message["code"] for message in sent(connection)] == ["invalid_message"]
-    assert connection.ending is None
-
-
-@pytest.mark.parametrize("terms", [OPEN, GUARDED])
-def test_who_agrees_upon_1_0_has_what_1_0_has(terms: Terms) -> None:
-    """[NEG-33, NEG-31]"""
-    connection = Connection("msg", terms, 0.0)
-    first = hello("frames", versions=["1.0", "1.1"], token="secret")
-    greeting, *later = events(connection, packet(first) + packet({"type": "nope"}) + REQUEST)
-    assert isinstance(greeting, Hello)
-    assert [type(event) for event in later] == [Refusal, GetViewportSize]
-    (welcome,) = sent(connection)
-    assert (welcome["version"], welcome["capabilities"]) == ("1.0", [])
-    assert connection.welcome is None
-    assert not connection.has("frames")
-    connection.send(ViewportSize(4, 2))
-    assert sent(connection) == [{"viewport_size": [4, 2]}]
-    (refusal,) = events(connection, packet(hello(token="secret")))
-    assert isinstance(refusal, Refusal)
-    assert sent(connection) == []
-    assert connection.deadline == math.inf
-
-
-@pytest.mark.parametrize(
-    "payload",
-    [
-        b'{"type":"get_camera_pose"}',
-        b'{"type":"get_camera_pose","cam_idx":"0"}',
-        b'{"type":"get_camera_pose","cam_idx":0.5}',
-        b'{"type":"get_camera_pose","cam_idx":9007199254740992}',
-    ],
-)
-def test_a_client_that_awaits_a_reply_in_vain_is_told_by_a_close(payload: bytes) -> None:
-    """[REQ-9]"""
+@pytest.mark.parametrize(("message", "is_known"), [(hello(), True), (SIZE, True), (b"{}", False)])
+def test_who_sent_something_valid_is_known(message: object, is_known: bool) -> None:
+    """[CHN-25]"""
     connection = Connection("msg", OPEN, 0.0)
-    (refusal,) = events(connection, packet(payload) + REQUEST)
-    assert isinstance(refusal, Refusal)
-    assert not connection.unsent
-    assert "REQ-9" in str(connection.ending)
+    assert not connection.is_known
+    connection.receive(packet(message), 0.0)
+    events(connection, 0.0)
+    assert connection.is_known == is_known
 
 
-@pytest.mark.parametrize("identifier", [0, 7, 7.0, 2**53 - 1])
-def test_after_hello_a_bad_request_is_answered_with_its_id(identifier: float) -> None:
-    """[NEG-26, NEG-29, JSN-6]"""
-    connection = greeted()
-    events(connection, packet({"type": "get_camera_pose", "id": identifier}) + REQUEST)
-    (error,) = sent(connection)
-    assert error["type"] == "error"
-    assert error["code"] == "invalid_message"
-    assert repr(error["id"]) == repr(int(identifier))
-    assert error["pointer"] == "/cam_idx"
-    assert connection.ending is None
-
-
-@pytest.mark.parametrize("identifier", [-1, 7.5, 2**53, 1e300, "7", True, None, [7]])
-def test_what_is_no_id_is_not_sent_back(identifier: object) -> None:
-    """[NEG-27]"""
-    connection = greeted()
-    events(connection, packet({"type": "get_viewport_size", "id": identifier}))
-    (error,) = sent(connection)
-    assert error["pointer"] == "/id"
-    assert "id" not in error
-
-
-@pytest.mark.parametrize("channel", ["msg", "ipc"])
-@pytest.mark.parametrize("kind", ["camera_pose", "set_time", "weather", None, ["ping"]])
-def test_an_error_about_no_request_has_no_id(channel: Channel, kind: object) -> None:
-    """[NEG-23]: a client would take it for the answer to its request."""
-    connection = greeted(channel)
-    events(connection, packet({"type": kind, "id": 7}))
-    (error,) = sent(connection)
-    assert error["type"] == "error"
-    assert "id" not in error
-
-
-@pytest.mark.parametrize(
-    ("message", "code"),
-    [
-        (b'{"type":', "malformed_json"),
-        (b"[1, 2]", "not_an_object"),
-        ({"type": "teleport"}, "unknown_type"),
-        (camera_pose(1e39), "invalid_number"),
-        (camera_pose(rotation=dict.fromkeys("xyzw", 1.0)), "invalid_rotation"),
-    ],
-)
-def test_an_error_has_the_code_of_what_was_wrong_and_the_connection_goes_on(
-    message: object, code: str
-) -> None:
-    """[NEG-26]"""
-    connection = greeted()
-    assert events(connection, packet(message) + REQUEST)[1:] == [GetViewportSize()]
-    assert [error["code"] for error in sent(connection)] == [code]
-    assert connection.ending is None
-
-
-def test_a_second_hello_is_refused_and_the_first_stays() -> None:
-    """[NEG-3]"""
-    connection = greeted("ipc", "frames")
-    events(connection, packet(hello()))
-    (error,) = sent(connection)
-    assert (error["code"], "NEG-3" in str(error["message"])) == ("invalid_message", True)
-    assert connection.has("frames")
-
-
-@pytest.mark.parametrize(
-    ("header", "code"), [(0, "malformed_packet"), (0xFFFFFFFF, "packet_too_large")]
-)
-def test_a_bad_header_ends_the_connection_after_what_came_before(header: int, code: str) -> None:
-    """[FRM-3, NEG-25]"""
-    connection = greeted()
-    first, refusal = events(connection, REQUEST + header.to_bytes(4, "little") + REQUEST)
-    assert first == GetViewportSize()
-    assert isinstance(refusal, Refusal)
-    assert [message["code"] for message in sent(connection)] == [code]
-    assert connection.ending is not None
+def test_what_waits_when_the_stream_ends_is_answered() -> None:
+    """[CHN-16]: and then the connection is over."""
+    connection = Connection("msg", OPEN, 0.0)
+    connection.receive(REQUEST, 0.0)
+    connection.receive(b"", 0.0)
+    queue(9)(connection, 0.0)
+    assert events(connection, 0.0) == ["GetViewportSize"]
+    assert not connection.over
+    take(ALL)(connection, 0.0)
+    assert connection.over

@@ -1,383 +1,299 @@
+"""What a session makes of what clients say: what is rendered, and who is sent what."""
+
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from splatbus_server.connection import Connection
 
-from tests.peers.raw_client import camera_pose, hello
-from tests.server.stage import READERS, TERMS, Client, Stage
+from tests.peers.raw_client import IDENTITY, camera_pose, hello
+from tests.server.stage import READERS, Client, Stage
 
-
-def test_a_reader_is_sent_each_image_once_and_one_at_a_time(stage: Stage) -> None:
-    """[IMG-1, IMG-2, IMG-3]"""
-    reader = stage.reader()
-    view = stage.view()
-    stage.publish(view)
-    first = reader.frame()
-    stage.publish(view)
-    stage.publish(view)
-    assert reader.hear() == []
-    assert reader.release(first) == []
-    second = reader.frame()
-    assert second["seq"] == first["seq"] + 2
-    reader.release(second)
-    assert reader.hear() == []
-    assert stage.statistics.frames_sent == 2
-
-
-def test_an_image_that_is_there_is_sent_to_who_opens_later(stage: Stage) -> None:
-    """[IMG-11]: nothing need be rendered again for it [IMG-10]."""
-    stage.reader()
-    stage.publish()
-    assert stage.view() is None
-    late = stage.connect()
-    late.say({"type": "opened", "generation": 1})
-    assert [message.get("type") for message in late.hear()] == ["welcome", None, "frame"]
-    assert stage.view() is None
-
-
-def test_what_has_changed_unseen_is_rendered_for_who_comes_next(stage: Stage) -> None:
-    """[IMG-3]: the image before it is not what there is any more."""
-    reader = stage.reader()
-    stage.publish()
-    seq = reader.frame()["seq"]
-    reader.leave()
-    assert stage.exchange.next_view(0, True) is None
-    late = stage.connect()
-    late.say({"type": "opened", "generation": 1})
-    assert [message.get("type") for message in late.hear()] == ["welcome", None]
-    stage.publish()
-    assert late.frame()["seq"] == seq + 1
-
-
-def test_nobody_reads_so_nothing_is_rendered(stage: Stage) -> None:
-    """[IMG-10, IMG-21]"""
-    assert stage.view() is None
-    reader = stage.reader()
-    assert stage.view() is not None
-    reader.leave()
-    assert stage.view() is None
-
-
-def test_depth_is_wanted_only_where_somebody_subscribes(stage: Stage) -> None:
-    """[IMG-20, IMG-21]"""
-    reader = stage.connect()
-    reader.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
-    reader.hear()
-    view = stage.view()
-    assert view is not None
-    assert not view.wants_depth
-    stage.publish(view)
-    reader.release(reader.frame())
-    assert stage.view() is None
-    reader.say({"type": "subscribe", "channels": ["color", "depth"]})
-    deep = stage.view()
-    assert deep is not None
-    assert deep.wants_depth
-    assert reader.hear() == []
-    stage.publish(deep)
-    assert reader.frame()["seq"] == 2
-
-
-@pytest.mark.parametrize("is_alone", [True, False])
-def test_who_waits_and_subscribes_to_more_is_sent_two_images(stage: Stage, is_alone: bool) -> None:
-    """[IMG-25]: of the first, which was on its way already, it may not read what is new."""
-    reader = stage.connect()
-    reader.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
-    reader.hear()
-    if not is_alone:
-        stage.reader()  # so that the image that there is has depth
-    stage.publish()
-    reader.release(reader.frame())
-    assert stage.view() is None
-    reader.say({"type": "subscribe", "channels": ["color", "depth"]})
-    for seq in (2, 3):
-        stage.publish()
-        frame = reader.frame()
-        assert frame["seq"] == seq
-        assert stage.view() is None
-        reader.release(frame)
-    assert stage.view() is None
-
-
-@pytest.mark.parametrize("is_alone", [True, False])
-def test_who_subscribes_to_more_while_it_reads_is_sent_one_image(
-    stage: Stage, is_alone: bool
-) -> None:
-    """[IMG-25]"""
-    reader = stage.connect()
-    reader.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
-    reader.hear()
-    if not is_alone:
-        stage.reader()
-    stage.publish()
-    reader.say({"type": "subscribe", "channels": ["color", "depth"]})
-    if is_alone:
-        stage.publish()
-    assert stage.view() is None
-    reader.release(reader.frame())
-    if not is_alone:
-        stage.publish()
-    frame = reader.frame()
-    assert frame["seq"] == 2
-    reader.release(frame)
-    assert stage.view() is None
-
-
-def test_who_wants_again_what_it_gave_up_is_sent_it(stage: Stage) -> None:
-    """[IMG-25]: of the image before it read colour alone, though it might have read both."""
-    reader = stage.reader()
-    stage.publish()
-    frame = reader.frame()
-    reader.say({"type": "subscribe", "channels": ["color"]})
-    reader.release(frame)
-    assert stage.view() is None
-    reader.say({"type": "subscribe", "channels": ["color", "depth"]})
-    assert stage.view() is not None
+CHANNELS = {"c": "color", "d": "depth"}
+TRANSCRIPTS = """
+host_shm
+who reads nothing has nothing rendered [IMG-10, IMG-21]
+    A opens -> cd
+    A leaves
+each image is sent once, and one at a time [IMG-1 to IMG-3]
+    A opens -> cd
+    publish -> A1
+    publish anew
+    publish anew
+    A releases -> A3
+    A releases
+an image that is there is sent to who comes later [IMG-10, IMG-11]
+    A opens -> cd
+    publish -> A1
+    B opens -> B1
+what has changed unseen is rendered for who comes next [IMG-3]
+    A opens -> cd
+    publish -> A1
+    A leaves
+    change
+    B opens -> cd
+    publish -> B2
+of an image that was on its way already nothing new may be read [IMG-25]
+    A opens c -> c
+    publish -> A1
+    A releases
+    A wants cd -> cd
+    publish -> A2
+    A releases -> cd
+    publish -> A3
+    A releases
+whatever the image before holds
+    A opens c -> c
+    B opens -> cd
+    publish -> A1 B1
+    A releases
+    A wants cd -> cd
+    publish -> A2
+    A releases -> cd
+    publish -> A3
+    A releases
+who wants more while it reads is sent one image [IMG-25]
+    A opens c -> c
+    publish -> A1
+    A wants cd -> cd
+    publish
+    A releases -> A2
+    A releases
+that was not there yet, if others had depth already
+    A opens c -> c
+    B opens -> cd
+    publish -> A1 B1
+    A wants cd
+    A releases -> cd
+    publish -> A2
+    A releases
+who wants again what it gave up is sent it [IMG-25]
+    A opens -> cd
+    publish -> A1
+    A wants c
+    A releases
+    A wants cd -> cd
+even if it might have read it while it waited
+    A opens -> cd
+    A wants c -> cd
+    A wants cd -> cd
+    publish -> A1
+    A releases -> cd
+    publish -> A2
+    A releases
+what is wanted of an image when it is begun is all it has [IMG-20]
+    A opens c -> c
+    begin -> c
+    B opens -> cd
+    end -> cd A1
+    publish -> B2
+what was wanted when the wait began is there [IMG-20]
+    A opens -> cd
+    A wants c -> cd
+    publish -> A1
+    change -> c
+    A wants d
+    A releases -> d
+    A wants c -> cd
+a lease of memory that is closed has ended [OPN-14]
+    A opens -> cd
+    publish -> A1
+    resize
+    A closes -> cd
+    publish -> A2
+without frames there is memory and no lease
+    A looks
+cuda_ipc
+who says nothing has the legacy slot written
+    O arrives -> cdl
+    publish
+without frames too
+    A looks -> cdl
+    publish
+    A leaves
+a scene at rest is rendered for the first of 1.0
+    A opens -> cd
+    publish -> A1
+    O arrives -> cdl
+    publish
+    P arrives
+    P leaves
+    O leaves
+    change -> cd
+another size ends who is of 1.0 [OPN-7]
+    O arrives -> cdl
+    resize
+"""
+"""By kind of memory: deeds, and what comes of each: the first letters of what the renderer is asked
+for then, if for anything, and who is lent which image.
+"""
 
 
-def test_who_gives_up_and_wants_again_while_it_waits_is_sent_two_images(stage: Stage) -> None:
-    """[IMG-25]: it may read the first whole, and reads what it has wanted all the time."""
-    reader = stage.reader()
-    for channels in (["color"], ["color", "depth"]):
-        reader.say({"type": "subscribe", "channels": channels})
-    for _ in range(2):
-        stage.publish()
-        reader.release(reader.frame())
-    assert stage.view() is None
+def transcripts() -> Iterator[Any]:
+    kind, name, rows = "", "", list[list[str]]()
+    for line in (*TRANSCRIPTS.strip().splitlines(), "end"):
+        if line.startswith(" "):
+            rows.append([part.strip() for part in f"{line} -> ".split("->")[:2]])
+            continue
+        if rows:
+            yield pytest.param(kind, rows, id=name)
+        kind, name, rows = (line if line in ("host_shm", "cuda_ipc") else kind), line, []
 
 
-def test_an_image_without_depth_is_not_sent_to_who_wants_it(stage: Stage) -> None:
-    """[IMG-20]"""
-    flat = stage.connect()
-    flat.say({"type": "subscribe", "channels": ["color"]}, {"type": "opened", "generation": 1})
-    flat.hear()
-    shallow = stage.view()
-    deep = stage.reader()
-    stage.publish(shallow)
-    assert flat.frame()["seq"] == 1
-    assert deep.hear() == []
-    stage.publish()
-    assert deep.frame()["seq"] == 2
+def do(stage: Stage, deed: str, clients: dict[str, Client], begun: list[Any]) -> None:
+    who, verb, wanted = [*deed.split(), "", ""][:3]
+    subscribe = {"type": "subscribe", "channels": [CHANNELS[letter] for letter in wanted]}
+    generation = stage.exchange.memory.generation
+    if who == "publish":
+        stage.publish(stage.view(contents_changed=verb == "anew"))
+    elif who == "begin":
+        begun.append(stage.view())
+    elif who == "end":
+        stage.publish(begun.pop())
+    elif who == "resize":
+        stage.resize(8, 6)
+    elif verb in ("arrives", "opens", "looks"):
+        client = clients[who] = stage.arrive()
+        if verb != "arrives":
+            client.say(hello(*stage.capabilities[: 1 if verb == "looks" else None]))
+            client.say(*[subscribe] * bool(wanted), {"type": "opened", "generation": generation})
+    elif verb == "wants":
+        clients[who].say(subscribe)
+    elif verb == "releases":
+        lease = stage.session.readers[clients[who].connection].lease
+        assert lease is not None
+        held = {"generation": lease.memory.generation, "seq": lease.seq}
+        assert clients[who].say({"type": "release", **held}) == []
+    elif verb == "closes":
+        clients[who].answer(generation, generation - 1)
+    elif verb == "leaves":
+        clients.pop(who).leave()
 
 
-def test_what_was_wanted_when_the_wait_began_is_there(stage: Stage) -> None:
-    """[IMG-20]: a `subscribe` that crosses the frame counts from the next `release` on."""
-    reader = stage.reader()
-    reader.say({"type": "subscribe", "channels": ["color"]})
-    view = stage.view()
-    assert view is not None
-    assert view.wants_depth
-    stage.publish(view)
-    frame = reader.frame()
-    later = stage.exchange.next_view(0, True)
-    assert later is not None
-    assert not later.wants_depth
-    reader.say({"type": "subscribe", "channels": ["depth"]})
-    reader.release(frame)
-    reader.say({"type": "subscribe", "channels": ["color"]})
-    view = stage.view()
-    assert view is not None
-    assert view.wants == {"color", "depth"}
+@pytest.mark.parametrize(("kind", "transcript"), [*transcripts()])
+def test_who_is_shown_what(kind: str, transcript: list[list[str]]) -> None:
+    stage, clients, begun, lent = Stage(kind), dict[str, Client](), [], 0
+    for deed, expected in transcript:
+        do(stage, deed, clients, begun)
+        view = stage.view(contents_changed=deed == "change")
+        due = [] if view is None else ["".join(sorted(letter for letter, *_ in view.wants))]
+        told = [
+            f"{who}{message['seq']}"
+            for who, client in clients.items()
+            for message in client.hear()
+            if message.get("type") == "frame"
+        ]
+        lent += len(told)
+        assert " ".join(due + told) == expected, deed
+    assert stage.statistics.frames_sent == lent
 
 
 def test_equal_poses_change_nothing(stage: Stage) -> None:
-    """[IMG-10]"""
+    """[IMG-10]: and of those that come together the newest counts."""
     stage.reader()
     stage.publish()
-    mover = Client(stage, Connection("msg", TERMS, 0.0))
+    mover = stage.arrive("msg")
     mover.say(camera_pose(0.0), camera_pose(0.0))
     assert stage.view() is None
     mover.say(camera_pose(2.0), camera_pose(1.0))
     view = stage.view()
     assert view is not None
     assert view.poses.camera.position == (1.0, 0.0, 0.0)
-    assert stage.statistics.poses_received == 4
-    assert stage.statistics.poses_superseded == 3
+    counts = stage.statistics
+    assert (counts.poses_received, counts.poses_superseded, counts.views) == (4, 3, 2)
 
 
-def test_a_view_that_is_not_published_is_due_still(stage: Stage) -> None:
-    stage.reader()
-    assert stage.view() is not None
-    assert stage.view() is not None
-    stage.publish()
-    assert stage.view() is None
-
-
-def test_who_has_no_control_is_told_once(stage: Stage) -> None:
-    """[POS-10, POS-11]"""
-    first, second = (Client(stage, Connection("msg", TERMS, 0.0)) for _ in range(2))
-    second.say(hello())
-    second.hear()
-    assert first.say(camera_pose(1.0)) == []
-    assert [refusal.code for refusal in second.say(camera_pose(2.0))] == ["busy"]
-    assert [message["code"] for message in second.hear()] == ["busy"]
-    second.say(camera_pose(2.0))
-    assert second.hear() == []
-    assert stage.exchange.poses.camera.position == (1.0, 0.0, 0.0)
-    first.leave()
-    assert stage.exchange.poses.camera.position == (2.0, 0.0, 0.0)
-    assert second.say(camera_pose(3.0)) == []
-
-
-@pytest.mark.parametrize(("index", "x"), [(0, 0.0), (5, 2.0), (-1, 2.0), (3, 0.0)])
-def test_cameras_are_counted_round(stage: Stage, index: int, x: float) -> None:
-    """[REQ-6]"""
-    client = Client(stage, Connection("msg", TERMS, 0.0))
-    client.say({"type": "get_camera_pose", "cam_idx": index})
-    assert client.hear() == [{"position": [x, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0, 1.0]}]
+def test_what_is_refused_is_told_to_the_log_and_takes_no_control(stage: Stage) -> None:
+    """[CAM-6, OBJ-3, OBJ-4, CTL-2]: who is busy is told so once."""
+    first, second = stage.steerer(), stage.steerer()
+    lens = {**dict.fromkeys(("fx", "fy", "cx", "cy", "far"), 8.0), "near": 0.1}
+    table = {"type": "object_pose", "object": "table", **IDENTITY}
+    wrong = [camera_pose(1.0, intrinsics=lens | {"width": 8, "height": 8}), table]
+    codes = ["invalid_message", "unknown_object"]
+    told = ["busy", *codes]
+    for client, messages, refused, heard in (
+        (second, wrong, codes, codes),
+        (first, [camera_pose(1.0)], [], []),
+        (second, [camera_pose(2.0), *wrong, camera_pose(2.0)], [*told, "busy"], told),
+    ):
+        assert [refusal.code for refusal in client.say(*messages)] == refused
+        assert [error["code"] for error in client.hear()] == heard
+    assert stage.exchange.poses.camera.position[0] == 1.0
 
 
 @pytest.mark.parametrize(
     ("capabilities", "other"),
     [(["frames"], {}), (["cuda_ipc"], {}), (["host_shm"], {"versions": ["1.0", "1.1"]})],
 )
-def test_memory_is_announced_only_to_who_can_open_it(
+def test_memory_of_the_host_is_announced_only_to_who_can_open_it(
     stage: Stage, capabilities: list[str], other: dict[str, Any]
 ) -> None:
     """[NEG-11, CHN-5]"""
-    client = stage.connect(*capabilities, **other)
-    assert [message.get("type") for message in client.hear()] == ["welcome"]
-
-
-def test_without_frames_there_is_memory_and_no_lease(stage: Stage) -> None:
-    client = stage.connect("host_shm")
-    client.say({"type": "opened", "generation": 1})
-    welcome, init = client.hear()
-    assert welcome["capabilities"] == ["host_shm"]
-    assert init["ring"]["slots"] == READERS + 2
-    assert stage.view() is None
-
-
-def test_one_reader_too_many_is_told_and_closed(stage: Stage) -> None:
-    """[IMG-18]; `welcome` still comes first [NEG-6]."""
-    readers = [stage.reader() for _ in range(READERS)]
-    surplus = stage.connect()
-    assert [message.get("code") for message in surplus.hear()] == [None, "too_many_clients"]
-    assert surplus.connection.ending is not None
-    surplus.leave()
-    readers[0].leave()
-    stage.publish()
-    assert readers[1].frame()
-    assert stage.reader().connection.ending is None
-
-
-@pytest.mark.parametrize(
-    "message",
-    [
-        {"type": "opened", "generation": 2},
-        {"type": "open_failed", "generation": 2, "reason": "no"},
-        {"type": "closed", "generation": 2},
-        {"type": "release", "generation": 1, "seq": 2},
-        {"type": "release", "generation": 2, "seq": 1},
-    ],
-)
-def test_what_names_nothing_is_reported_and_changes_nothing(
-    stage: Stage, message: dict[str, Any]
-) -> None:
-    """[OPN-12, IMG-16]"""
-    reader = stage.reader()
-    stage.publish()
-    frame = reader.frame()
-    assert [refusal.code for refusal in reader.say(message)] == ["invalid_message"]
-    assert [error["code"] for error in reader.hear()] == ["invalid_message"]
-    assert reader.release(frame) == []
-    assert len(reader.release(frame)) == 1
-
-
-def test_what_was_not_agreed_upon_is_unsupported(stage: Stage) -> None:
-    """[NEG-5]"""
-    reader = stage.reader("host_shm", "frames")
-    (refusal,) = reader.say({"type": "subscribe", "channels": ["color"]})
-    assert refusal.code == "unsupported"
-    view = stage.view()
-    assert view is not None
-    assert view.wants_depth
+    client = stage.arrive()
+    assert client.ask(hello(*capabilities, **other))["type"] == "welcome"
+    assert stage.statistics.refused == {}
 
 
 def test_who_cannot_open_goes_on_without_images(stage: Stage) -> None:
-    """[OPN-4]"""
-    client = stage.connect()
-    client.hear()
+    """[OPN-4]: and the log says why."""
+    client = stage.reader()
     (note,) = client.say({"type": "open_failed", "generation": 1, "reason": "no such file"})
-    assert "no such file" in note.reason
+    assert (note.code, "no such file" in note.reason) == ("open_failed", True)
     assert client.hear() == []
-    assert client.connection.ending is None
+    assert client.connection.is_open
     assert stage.view() is None
 
 
-def test_a_slot_is_not_written_while_it_is_lent(stage: Stage) -> None:
-    """[IMG-4, IMG-9, IMG-17]"""
-    first = stage.reader()
-    view = stage.view()
-    assert view is not None
-    stage.publish(view)
-    stage.publish(view)
-    second = stage.connect()
-    second.say({"type": "opened", "generation": 1})
-    held = [first.frame()["slot"], second.hear()[-1]["slot"]]
-    assert len(set(held)) == 2
-    written: list[int] = []
-    for _ in range(20):
-        stage.exchange.publish(view, 0.0, lambda slot, _: written.append(slot))
-    assert not set(written) & set(held)
-    first.leave()
-    for _ in range(20):
-        stage.exchange.publish(view, 0.0, lambda slot, _: written.append(slot))
-    assert held[0] in written
-    assert held[1] not in written
-
-
-def test_another_size_is_announced_and_the_old_memory_freed_when_closed(stage: Stage) -> None:
-    """[OPN-5, OPN-8, MEM-1, IMG-2]"""
-    reader = stage.reader()
+def test_what_names_nothing_is_reported_and_changes_nothing(stage: Stage) -> None:
+    """[OPN-12, IMG-16]"""
+    reader, release = stage.reader(), {"type": "release", "generation": 1, "seq": 1}
     stage.publish()
-    frame = reader.frame()
-    old = stage.memory
-    stage.resize(8, 6)
-    (init,) = reader.hear()
-    assert (init["generation"], init["meta"]["w"], init["meta"]["h"]) == (2, 8, 6)
-    reader.say({"type": "opened", "generation": 2})
-    stage.publish()
-    assert reader.hear() == []
-    assert reader.release(frame) == []
-    newer = reader.frame()
-    assert newer["generation"] == 2
-    assert newer["seq"] > frame["seq"]
-    assert stage.exchange.replaced == [old]
-    reader.say({"type": "closed", "generation": 1})
-    assert stage.exchange.replaced == []
-    assert reader.connection.ending is None
-
-
-def test_who_takes_no_reinit_is_asked_to_connect_anew(stage: Stage) -> None:
-    """[OPN-7]"""
-    reader = stage.reader("host_shm", "frames")
-    stage.resize(8, 6)
-    assert reader.hear() == []
-    assert "OPN-7" in str(reader.connection.ending)
-    assert len(stage.exchange.replaced) == 1
-    reader.leave()
-    assert stage.exchange.replaced == []
-
-
-def test_two_generations_are_kept_at_most(stage: Stage) -> None:
-    reader = stage.reader()
-    stage.resize(8, 6)
-    stage.resize(8, 7)
-    assert reader.connection.ending is not None
-    reader.leave()
-    assert stage.exchange.replaced == []
-    assert stage.exchange.memory.generation == 3
-
-
-def test_a_lease_of_closed_memory_has_ended(stage: Stage) -> None:
-    reader = stage.reader()
-    stage.publish()
-    reader.frame()
-    stage.resize(8, 6)
     reader.hear()
-    reader.say({"type": "opened", "generation": 2}, {"type": "closed", "generation": 1})
-    stage.publish()
-    assert reader.frame()["generation"] == 2
+    wrong = [{"type": kind, "generation": 2} for kind in ("opened", "closed")]
+    wrong += [{"type": "open_failed", "generation": 2, "reason": "no"}]
+    for messages in (wrong, [release | {"seq": 2}, release | {"generation": 2}]):
+        assert {refusal.code for refusal in reader.say(*messages)} == {"invalid_message"}
+        assert [error["code"] for error in reader.hear()] == ["invalid_message"] * len(messages)
+    assert [len(reader.say(release)) for _ in range(2)] == [0, 1]
+
+
+@pytest.mark.parametrize("kind", ["host_shm", "cuda_ipc"])
+def test_one_reader_too_many_is_told_and_closed(kind: str) -> None:
+    """[IMG-18]: nor does it keep a place while its connection ends."""
+    stage = Stage(kind)
+    first, *_ = [stage.reader() for _ in range(READERS)]
+    for _ in range(3):
+        surplus = stage.arrive()
+        surplus.hear()
+        (refusal,) = surplus.say(hello(*stage.capabilities))
+        assert [message.get("code") for message in surplus.hear()] == [None, refusal.code]
+        assert refusal.code == "too_many_clients"
+        assert not surplus.connection.is_open
+    first.leave()
+    assert stage.reader().connection.is_open
+
+
+def test_memory_on_a_gpu_is_announced_at_once_and_once() -> None:
+    """[CHN-4, NEG-15]: but where a token is asked for, after `hello` [NEG-18]."""
+    stage = Stage("cuda_ipc")
+    client, guarded = stage.arrive(), stage.arrive(token="secret")
+    assert [packet["memory"]["kind"] for packet in client.hear()] == ["cuda_ipc"]
+    assert guarded.hear() == []
+    for each, expected in ((client, ["welcome"]), (guarded, ["welcome", None])):
+        each.say(hello(*stage.capabilities, token="secret"))
+        assert [message.get("type") for message in each.hear()] == expected
+
+
+@pytest.mark.parametrize("capabilities", [("host_shm", "frames"), ()])
+def test_who_takes_no_other_size_or_keeps_the_one_before_the_last_is_ended(
+    stage: Stage, capabilities: tuple[str, ...]
+) -> None:
+    """[OPN-7]: and what it had is freed when it has gone."""
+    reader = stage.reader(*capabilities)
+    stage.resize(8, 6)
+    assert reader.connection.is_open == (not capabilities)
+    stage.resize(8, 7)
+    assert not reader.connection.is_open
+    reader.leave()
+    assert stage.exchange.replaced == []

@@ -6,12 +6,9 @@ import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from splatbus_client.backoff import LONGEST
-from splatbus_wire.messages import GetCameraPose, GetViewportSize, SetViewport, SubscribeTelemetry
+from splatbus_wire.messages import GetCameraPose, SetViewport
 
 from tests.simulation.clients import Client
-from tests.simulation.server import Picture
-from tests.simulation.visitors import LegacyViewer, Pipelining, Rude
 
 if TYPE_CHECKING:
     from tests.simulation.session import Session
@@ -35,28 +32,16 @@ def settle(session: Session) -> None:
     world.is_calm = True
     session.network.calm()
     for client in session.clients:
-        client.start_clock()
         client.go_on()
     for visitor in session.visitors:
-        if isinstance(visitor, (Pipelining, Rude)) and world.random.random() < 0.6:
+        if world.random.random() < 0.6:
             visitor.leave()
     world.run(world.now + 2.1)  # by when who ended has been started again
-    session.server.start_clock()
     session.server.go_on()
-    world.run(world.now + SETTLED_SECONDS / 2)
-    strangers = [c for c in session.clients if c.setting.token != session.setting.token]
-    before = [client.message.status.connections for client in strangers]
-    world.run(world.now + SETTLED_SECONDS / 2)
+    world.run(world.now + SETTLED_SECONDS)
     _look_at_memory(session)
     _look_at_clients(session)
     _look_at_poses(session)
-    for client, connections in zip(strangers, before, strict=True):
-        status = client.message.status
-        knows = status.connected or "unauthorized" in (status.problem or "")
-        world.look("who is turned away knows why", knows, status)
-        attempts = status.connections - connections
-        most = 1 + SETTLED_SECONDS / 2 / LONGEST
-        world.look("who is turned away knocks less and less often", attempts <= most, attempts)
 
 
 def serve(session: Session) -> None:
@@ -69,35 +54,28 @@ def serve(session: Session) -> None:
         _look_at_memory(session)
         _look_at_clients(session)
     for visitor in session.visitors:
-        if isinstance(visitor, (Pipelining, Rude)) and getattr(visitor, "kind", "") != "keeper":
+        if getattr(visitor, "kind", "") != "keeper":
             visitor.leave()
     world.run(world.now + 6.0)
-    clients = _welcome(session)
-    _steer(session, clients)
-    _ask(session, clients)
+    _steer(session)
     _subscribe(session)
-    if clients and draw.random() < 0.5:
-        _resize(session, clients)
-    if len(clients) > 1:
-        _pass_control(session, clients)
+    if draw.random() < 0.5:
+        _resize(session)
+    if len(session.clients) > 1:
+        _pass_control(session)
 
 
 def leave(session: Session) -> None:
     """Lets everyone leave, and looks whether anything is left of them."""
-    world, server = session.world, session.server
     for client in session.clients:
         client.stop()
     for visitor in session.visitors:
         visitor.leave()
-    world.run(world.now + GONE_SECONDS)
-    ring, shared = server.memory.ring, server.session
-    kept = [
-        *(server.service.peers, ring.held, ring.seen, shared.readers, shared.control.sent),
-        *(shared.told_busy, server.readings.subscribers, server.exchange.replaced),
-    ]
-    world.look("nothing is left of who has gone", not any(kept), kept)
-    world.look("all slots are free", len(ring.held) == 0 and server.own_memory == [server.memory])
-    server.end(kindly=True)
+    session.world.run(session.world.now + GONE_SECONDS)
+    peers = session.server.service.peers
+    session.world.look("nobody is left", not peers, peers)
+    _look_at_memory(session)
+    session.server.end(kindly=True)
 
 
 @contextlib.contextmanager
@@ -107,7 +85,7 @@ def _keeping_connections(session: Session) -> Iterator[None]:
     def connections() -> dict[str, tuple[object, object]]:
         return {
             client.name: (client.ipc.socket, client.message.socket)
-            for client in _welcome(session)
+            for client in session.clients
             if not client.is_turned_away and "reinit" in client.setting.capabilities
         }
 
@@ -117,20 +95,20 @@ def _keeping_connections(session: Session) -> Iterator[None]:
     session.world.look("who can follow keeps its connections", not lost, lost)
 
 
-def _welcome(session: Session) -> list[Client]:
-    """The clients that the server takes."""
-    return [c for c in session.clients if c.setting.token == session.setting.token]
+def _connections(session: Session) -> Any:
+    """Of the server, by the sockets of who is connected."""
+    return {
+        peer.socket.peer: peer.connection  # type: ignore[attr-defined]
+        for peer in session.server.service.peers
+    }
 
 
 def _readers(session: Session) -> list[Client]:
     """Those of them that have an image to read; the others were turned away [IMG-18]."""
-    connections = {
-        peer.socket.peer: peer.connection  # type: ignore[attr-defined]
-        for peer in session.server.service.peers
-    }
+    connections = _connections(session)
     readers = session.server.session.readers
     found = []
-    for client in _welcome(session):
+    for client in session.clients:
         connection = connections.get(client.ipc.socket)
         if connection in readers and client.reading.problem is None:
             opened = readers[connection].opened
@@ -150,10 +128,9 @@ def _look_at_memory(session: Session) -> None:
 def _look_at_clients(session: Session) -> None:
     """Everyone has come back, and has memory to read from if there is a place."""
     look, server = session.world.look, session.server
-    clients = _welcome(session)
     readers = server.session.readers.values()
     is_full = sum(reader.is_let_in for reader in readers) >= session.setting.readers
-    for client in clients:
+    for client in session.clients:
         versions = client.ipc.status.version, client.message.status.version
         wants_place = "frames" in client.setting.capabilities
         is_out = wants_place and is_full and client.is_turned_away
@@ -165,78 +142,44 @@ def _look_at_clients(session: Session) -> None:
 
 def _look_at_poses(session: Session) -> None:
     """The server has of everyone the pose that was sent last, on whatever connection."""
-    cameras = session.server.session.steered.cameras
-    known = {
-        peer.socket.peer: cameras.get(peer.connection)  # type: ignore[attr-defined]
-        for peer in session.server.service.peers
-    }
-    for client in _welcome(session):
+    cameras = session.server.session.cameras
+    connections = _connections(session)
+    for client in session.clients:
         if client.sent is not None and not client.has_lens:
-            told = known.get(client.message.socket)
+            told = cameras.get(connections.get(client.message.socket))
             holds = told == client.sent
             session.world.look("the newest pose outlives its connection", holds, client.sent, told)
 
 
 def _holder(session: Session) -> Any:
     """The client that has control, or None."""
-    server = session.server
-    connection = server.session.control.holder
-    for peer in server.service.peers:
-        for client in session.clients:
-            if peer.connection is connection and peer.socket.peer is client.message.socket:  # type: ignore[attr-defined]
-                return client
-    return None
+    holder, connections = session.server.session.control.holder, _connections(session)
+    steering = (c for c in session.clients if connections.get(c.message.socket, "") is holder)
+    return next(steering, None)
 
 
-def _newest(session: Session) -> Picture | None:
-    image = session.server.exchange.newest
-    return image and session.server.pictures[image.memory.generation, image.seq]
-
-
-def _look_at_images(session: Session, camera: float | None) -> None:
+def _look_at_images(session: Session, camera: float) -> None:
     """The newest image shows that camera, and everyone has read it."""
-    world, server = session.world, session.server
-    newest = _newest(session)
+    look, server = session.world.look, session.server
+    newest = server.exchange.newest
     for client in _readers(session):
-        world.look("who reads has an image", newest is not None, client.name)
+        look("who reads has an image", newest is not None, client.name)
         assert newest is not None
         shown = newest.view.poses.camera.position[0]
-        world.look("the newest image is of the newest pose", camera in (None, shown), shown, camera)
-        holds = client.seen == (server, newest.number)
-        world.look("everyone is served", holds, client.name, client.seen[1], newest.number)
-        holds = client.shown in (None, shown)
-        world.look("everyone sees the newest pose", holds, client.name, client.shown, camera)
-    for visitor in session.visitors:
-        if isinstance(visitor, LegacyViewer) and visitor.server() is server:
-            world.look("who says nothing sees an image", newest is not None)
-            assert newest is not None
-            holds = visitor.seen() == newest.number
-            world.look("everyone is served", holds, "1.0", visitor.seen(), newest.number)
+        look("the newest image is of the newest pose", camera == shown, shown, camera)
+        number = server.pictures[newest.memory.generation, newest.seq].number
+        look("everyone is served", client.seen == (server, number), client.name, number)
 
 
-def _steer(session: Session, clients: list[Client]) -> None:
-    """Who has control, or takes it, moves the camera."""
-    camera = None
-    if clients:
-        camera = (_holder(session) or clients[0]).pose()
+def _steer(session: Session) -> None:
+    """Who has control, or takes it, moves the camera; all ask something."""
+    camera = (_holder(session) or session.clients[0]).pose()
     session.server.contents += 1
+    asked = [client.ask(GetCameraPose(1)) for client in session.clients]
     session.world.run(session.world.now + SERVED_SECONDS)
     _look_at_images(session, camera)
-
-
-def _ask(session: Session, clients: list[Client]) -> None:
-    """Questions are answered, and figures come."""
-    world = session.world
-    asked = [c.ask(request) for c in clients for request in (GetCameraPose(1), GetViewportSize())]
-    for client in clients:
-        client.tell(SubscribeTelemetry(None))
-    world.run(world.now + 1.0)
-    session.server.tell(1e6)
-    world.run(world.now + 2.0)
     for question in asked:
-        world.look("a question is answered", question is None or question.done(), question)
-    for client in clients:
-        world.look("figures come", client.value == 1e6, client.name, client.value)
+        session.world.look("a question is answered", question is None or question.done())
 
 
 def _subscribe(session: Session) -> None:
@@ -252,10 +195,10 @@ def _subscribe(session: Session) -> None:
             world.look("who subscribes is shown it", holds, client.name, client.wants, client.read)
 
 
-def _resize(session: Session, clients: list[Client]) -> None:
+def _resize(session: Session) -> None:
     """Who has control asks for another size: there is an answer, and images of that size."""
     world, server = session.world, session.server
-    asker = _holder(session) or clients[0]
+    asker = _holder(session) or session.clients[0]
     width = server.memory.width % 9 + 1
     question = asker.ask(SetViewport(width, 2))
     world.run(world.now + SERVED_SECONDS)
@@ -267,19 +210,18 @@ def _resize(session: Session, clients: list[Client]) -> None:
         with _keeping_connections(session):
             world.run(world.now + RESIZED_SECONDS)
     _look_at_memory(session)
-    _steer(session, clients)
+    _steer(session)
 
 
-def _pass_control(session: Session, clients: list[Client]) -> None:
+def _pass_control(session: Session) -> None:
     """All steer, then who has control leaves, and the camera is that of the next."""
     world = session.world
-    for client in clients:
+    for client in session.clients:
         client.pose()
         world.run(world.now + 0.1)
     former = _holder(session)
     world.look("who steers has control", former is not None)
     former.stop()
-    clients.remove(former)
     world.run(world.now + BACK_SECONDS + SERVED_SECONDS)
     holder = _holder(session)
     world.look("control passes to somebody", holder is not None and holder is not former)

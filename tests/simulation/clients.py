@@ -30,26 +30,23 @@ from splatbus_wire.messages import (
     Ping,
     Program,
     Request,
-    Scalar,
     SetTime,
     SetViewport,
-    SubscribeTelemetry,
     ViewportSize,
 )
 from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.simulation.machine.memory import HALVES, LEGACY, Store
 from tests.simulation.machine.network import Socket
-from tests.simulation.machine.stand_ins import mask_of
+from tests.simulation.machine.stand_ins import take_turn
 from tests.simulation.machine.world import Node
 from tests.simulation.server import CAMERAS, IPC_PORT, MESSAGE_PORT, Server
 
-NAP_SECONDS = 2.0
 UNANSWERED = 4
 """How many questions are asked at a time."""
 ORDINARY = frozenset({"busy", "unsupported", "unknown_object"})
 """The errors that a client gets that does nothing wrong."""
-TURNED_AWAY = frozenset({"too_many_clients", "unauthorized"})
+TURNED_AWAY = frozenset({"too_many_clients"})
 Machine = TypeVar("Machine", IpcProtocol, MessageProtocol)
 CHANNELS = [frozenset({"color"}), frozenset({"depth"}), frozenset({"color", "depth"})]
 
@@ -61,14 +58,12 @@ class Setting:
     Attributes:
         capabilities: of its IPC channel.
         channels: that it reads at first.
-        token: that it says.
         patience: longest time that it reads an image for, seconds.
         pause: mean time between two things that it does, seconds.
     """
 
     capabilities: tuple[str, ...]
     channels: frozenset[str]
-    token: str | None
     patience: float
     pause: float
 
@@ -131,25 +126,16 @@ class WatchedSteering(Steering):
     def __init__(self, client: Client, hello: Hello) -> None:
         super().__init__(hello)
         self._client = client
-        self._told = 0
 
     def begin(self) -> MessageProtocol:
-        """Numbers begin again."""
-        self._told = 0
+        """Has what comes watched."""
         return self._client.watched(super().begin())
 
     def handle(self, event: MessageEvent) -> None:
-        """Looks at the errors, and at the order of telemetry."""
+        """Looks at the errors."""
         super().handle(event)
         if isinstance(event, ServerError):
             self._client.hear(event.error)
-        if self.telemetry:
-            newest = self.telemetry.pop().telemetry
-            self._client.look("telemetry's seq grows", newest.seq > self._told, newest.seq)
-            self._told = newest.seq
-            for series in newest.series:
-                if isinstance(series, Scalar):
-                    self._client.value = series.value
 
 
 class Client(Node):
@@ -157,10 +143,8 @@ class Client(Node):
 
     Attributes:
         seen: the number of the image that was read last, and of which server.
-        shown: where the camera of that image is.
         read: the channels that it read of that image.
         wants: those that it wants.
-        value: of telemetry, that came last.
         sent: where it has put the camera.
         has_lens: it has sent intrinsics, which are refused where the size has changed.
         is_turned_away: the server said that it takes it not.
@@ -177,16 +161,14 @@ class Client(Node):
     def start(self) -> None:
         """Starts, as a new process."""
         program = Program(self.name, "1")
-        hello = Hello(("1.1", "1.0"), program, self.setting.capabilities, self.setting.token)
+        hello = Hello(("1.1", "1.0"), program, self.setting.capabilities)
         self.life += 1
         self.is_running = True
         self.seen: tuple[Server | None, int] = (None, 0)
-        self.shown: float | None = None
         self.read: frozenset[str] = frozenset()
         self.wants = self.setting.channels
         self.sent: float | None = None
         self.has_lens = False
-        self.value: object = None
         self.is_turned_away = False
         self.questions: list[Future[Any]] = []
         self.held: tuple[Loan, Socket | None] | None = None
@@ -207,20 +189,8 @@ class Client(Node):
         """A turn of the session's loop."""
         if not self.is_running:
             return
-        now = self.clock()
         self.reading.sweep()
-        is_ready = False
-        for channel in (self.ipc, self.message):
-            channel.advance(now)
-            socket: Any = channel.socket
-            if socket is not None:
-                socket.owner = self
-                if mask := mask_of(socket, channel.interest()):
-                    is_ready = True
-                    channel.ready(mask, now)
-        if is_ready:
-            self.wake()
-        self.sleep(min(self.ipc.deadline() - now, self.message.deadline() - now, NAP_SECONDS))
+        take_turn(self, -1, self.ipc, self.message)
         if self.reading.may_hold and self.held is None:
             self.world.after(self.world.random.random() * 0.01, partial(self._read, self.life))
         unsent = sum(len(channel.unsent) for channel in (self.ipc, self.message))
@@ -316,7 +286,7 @@ class Client(Node):
             found = memory.read(frame.slot, channel, half)
             told = picture.number, "and half", half, "of its", channel, "is of", found
             self.look("an image is whole", found == picture.number, *told)
-        self.seen, self.shown = (server, picture.number), frame.camera.pose.position[0]
+        self.seen = server, picture.number
         self.read = loan.channels
 
     # Steering
@@ -331,11 +301,8 @@ class Client(Node):
     def act(self) -> None:
         """Does one of the things that a viewer's user does."""
         draw = self.world.random
-        kinds = (
-            "pose pose tagged lens object time camera size scene ping viewport subscribe figures"
-        )
+        kinds = "pose pose tagged lens object time camera size scene ping viewport subscribe"
         kind = draw.choice(kinds.split())
-        self.world.draw(kind)
         self.world.note(self.name, kind)
         if kind in ("pose", "tagged", "lens"):
             self.pose(kind)
@@ -344,8 +311,6 @@ class Client(Node):
             self.tell(ObjectPose(name, IDENTITY, draw.choice((1.0, 2.0)), self.clock()))
         elif kind == "time":
             self.tell(SetTime(draw.random() * 4.0 - 1.0))
-        elif kind == "figures":
-            self.tell(SubscribeTelemetry(draw.choice((None, frozenset({"value"})))))
         elif kind == "subscribe":
             self.subscribe()
         else:

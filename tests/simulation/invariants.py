@@ -11,7 +11,6 @@ from splatbus_server.limits import DEFAULT
 from splatbus_server.reader import LET_GO_SECONDS
 from splatbus_server.ring import Ring
 from splatbus_server.service import READ_BYTES
-from splatbus_server.states import State
 from splatbus_wire.packet_reader import COMPLETION_SECONDS
 
 from tests.simulation.clients import Client
@@ -74,7 +73,7 @@ class Watch:
         look, session, peers = server.world.look, server.session, server.service.peers
         here = {peer.connection for peer in peers}
         kept: set[object] = {*session.readers, *session.control.sent, *session.told_busy}
-        kept.update(server.readings.subscribers, session.viewport.askers)
+        kept.update(session.viewport.askers)
         for ring in _rings(server):
             kept.update(ring.seen)
         look("nothing is kept of who is gone", kept <= here, len(kept - here))
@@ -89,7 +88,7 @@ class Watch:
 
     def look_at_control(self, server: Server) -> None:
         """The first who steered has control, and what it sent last counts [POS-11]."""
-        cameras = server.session.steered.cameras
+        cameras = server.session.cameras
         control = server.session.control
         holder = next(iter(cameras), None)
         server.world.look("control passes on", control.holder is holder)
@@ -108,8 +107,6 @@ class Watch:
             if connection.unsent and not connection.over:
                 sent = peer.socket.taken  # type: ignore[attr-defined]
                 lasting["unsent", connection, sent] = STALLED_SECONDS
-            if connection.state is State.NEW and server.setting.token is not None:
-                lasting["no hello", connection] = LIMITS["hello_seconds"]
             if not connection.is_open:
                 lasting["ending", connection] = ENDED_SECONDS
         for memory in server.exchange.replaced:

@@ -3,42 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from splatbus_server.connection import Connection, Refusal, Terms
-from splatbus_server.control import Poses
-from splatbus_server.exchange import Exchange
 from splatbus_server.service import Service
 from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
-from splatbus_server.statistics import Statistics
-from splatbus_server.telemetry import Readings
-from splatbus_server.view import View, field_of_view
+from splatbus_server.view import View
 from splatbus_wire.messages import (
     CameraPose,
     ClientMessage,
     ObjectPose,
-    Placement,
     PointCloudPose,
     Program,
-    Scene,
-    SceneObject,
     SetTime,
 )
-from splatbus_wire.poses import IDENTITY, Pose
 
+from tests.server.stage import CAMERAS, SCENE
 from tests.simulation.machine.memory import HALVES, Memory, Store
-from tests.simulation.machine.network import Listener, Network
+from tests.simulation.machine.network import Listener
 from tests.simulation.machine.stand_ins import Host, SleepError
 from tests.simulation.machine.world import Node, World
 
 IPC_PORT, MESSAGE_PORT = 6001, 6000
-CAMERAS = [Pose((-1.0 - index, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)) for index in range(3)]
-"""Clients send none of these."""
-OBJECTS = {name: Placement(name, IDENTITY) for name in ("default", "chair")}
-SCENE = Scene(
-    tuple(SceneObject(name, name.title(), 7) for name in OBJECTS), (0.0, 2.0), 3, (0.0, 0.0, 0.0)
-)
 
 
 @dataclass(frozen=True)
@@ -48,13 +35,11 @@ class Setting:
     Attributes:
         kind: of its memory.
         readers: how many clients may hold an image at a time.
-        token: that it requires, or None.
         pause: longest time between two looks of its renderer, seconds.
     """
 
     kind: str
     readers: int
-    token: str | None
     pause: float
 
 
@@ -73,23 +58,16 @@ class Picture:
     slot: int
 
 
-@dataclass
-class Steered:
-    """What the connections of the message channel have sent, as an observer sees it.
+class WatchedSession(Session):
+    """A session whose steering is looked at from outside.
 
     Attributes:
         cameras: where the newest valid pose of each says that the camera is, None if it sent
             another valid message only; the connections in the order of their first.
     """
 
-    cameras: dict[Connection, float | None] = field(default_factory=dict)
-
-
-class WatchedSession(Session):
-    """A session whose steering is looked at from outside."""
-
     world: World
-    steered: Steered
+    cameras: dict[Connection, float | None]
 
     def handle(self, connection: Connection, message: ClientMessage, now: float) -> Refusal | None:
         """As the session does; [POS-11] says who has control."""
@@ -98,7 +76,7 @@ class WatchedSession(Session):
             "the server hears", type(message).__name__, "" if refusal is None else refusal
         )
         if isinstance(message, (CameraPose, PointCloudPose, ObjectPose, SetTime)):
-            cameras = self.steered.cameras
+            cameras = self.cameras
             if refusal is None or refusal.code == "busy":
                 cameras.setdefault(connection, None)
                 if isinstance(message, CameraPose):
@@ -110,35 +88,7 @@ class WatchedSession(Session):
     def leave(self, connection: Connection) -> None:
         """As the session does."""
         super().leave(connection)
-        self.steered.cameras.pop(connection, None)
-
-
-class Pair(NamedTuple):
-    """What a server is made of."""
-
-    exchange: Exchange
-    readings: Readings
-    session: WatchedSession
-    service: Service
-
-
-def pair(node: Node, network: Network, store: Store, setting: Setting) -> Pair:
-    """A server as `serve` makes it, on what stands in for the system."""
-    memory = Memory(store, setting.kind, 4, 2, setting.readers)
-    statistics = Statistics()
-    poses = Poses(IDENTITY, OBJECTS)
-    exchange = Exchange(memory, field_of_view(4, 2), poses, statistics)
-    readings = Readings(statistics)
-    session = WatchedSession(exchange, CAMERAS, setting.readers, statistics, SCENE, readings)
-    session.world, session.steered = node.world, Steered()
-    ipc = tuple(setting.kind if name == "host_shm" else name for name in CAPABILITIES)
-    capabilities: dict[Any, tuple[str, ...]] = {"ipc": ipc, "msg": MESSAGE_CAPABILITIES}
-    terms = Terms(Program("server", "1"), capabilities, setting.token)
-    listeners: dict[Any, Any] = {
-        "ipc": Listener(network, IPC_PORT, node),
-        "msg": Listener(network, MESSAGE_PORT, node),
-    }
-    return Pair(exchange, readings, session, Service(listeners, session, terms, statistics))
+        self.cameras.pop(connection, None)
 
 
 class Server(Node):
@@ -163,9 +113,18 @@ class Server(Node):
         self.renderer_is_busy = False
         self._memory_before = len(store.made)
         host.node = self
-        self.exchange, self.readings, self.session, self.service = pair(
-            self, host.network, store, setting
-        )
+        memory = Memory(store, setting.kind, 4, 2, setting.readers)
+        self.session = WatchedSession(memory, SCENE, CAMERAS)
+        self.session.world, self.session.cameras = self.world, {}
+        self.exchange = self.session.exchange
+        ipc = tuple(setting.kind if name == "host_shm" else name for name in CAPABILITIES)
+        capabilities: dict[Any, tuple[str, ...]] = {"ipc": ipc, "msg": MESSAGE_CAPABILITIES}
+        listeners: dict[Any, Any] = {
+            "ipc": Listener(host.network, IPC_PORT, self),
+            "msg": Listener(host.network, MESSAGE_PORT, self),
+        }
+        terms = Terms(Program("server", "1"), capabilities)
+        self.service = Service(listeners, self.session, terms)
         self.wake()
         self._render_soon()
 
@@ -257,7 +216,7 @@ class Server(Node):
         try:
             has_news = self.exchange.publish(view, 0.0, fill)
         except OSError:
-            self.world.draw("an image fails")
+            self.world.note("an image fails")
         finally:
             self.painting = None
             if has_news and self.is_alive:
@@ -288,8 +247,3 @@ class Server(Node):
                 break
             memory.close()
         self.renderer_is_busy = False
-
-    def tell(self, value: float) -> None:
-        """As `Bus.telemetry` does."""
-        if self.is_alive and self.readings.give({"value": value, "text": "a" * 50}, self.clock()):
-            self.service.ring()

@@ -9,6 +9,8 @@ from functools import partial
 from itertools import count
 from typing import Any
 
+from splatbus_wire.messages import Hello
+
 from tests.simulation import calm
 from tests.simulation.clients import CHANNELS, Client
 from tests.simulation.clients import Setting as ClientSetting
@@ -19,9 +21,7 @@ from tests.simulation.machine.stand_ins import Host, standing_in
 from tests.simulation.machine.world import BrokenError, World
 from tests.simulation.server import Server
 from tests.simulation.server import Setting as ServerSetting
-from tests.simulation.visitors import RUDE, LegacyViewer, Pipelining, Rude, Visitor
-
-TOKEN = "a token"
+from tests.simulation.visitors import PROGRAM, RUDE, Pipelining, Rude, Visitor
 
 
 class Session:
@@ -42,29 +42,25 @@ class Session:
         self.setting = ServerSetting(
             kind=draw.choice(("host_shm", "host_shm", "cuda_ipc")),
             readers=draw.randint(1, 4),
-            token=TOKEN if draw.random() < 0.15 else None,
             pause=draw.choice((0.03, 0.1, 0.4)),
         )
 
     def begin(self) -> None:
         """Starts the server and everybody else."""
-        draw, tickets = self.world.random, count(1)
+        draw, tickets = self.world.random, count(10)
         self.clients: list[Client] = []
         self.visitors: list[Visitor] = []
         self.start_server()
         for number in range(draw.randint(1, 4)):
             self.clients.append(Client(number, self.store, self._draw_client(), tickets))
-        token = self.setting.token
+        capabilities = (self.setting.kind, "frames", "reinit", "viewport", "ping")
+        hello = Hello(("1.1",), PROGRAM, capabilities)
         if draw.random() < 0.3:
-            self.visitors.append(Pipelining(self.network, token, says_hello=True))
-        if draw.random() < 0.3 and token is None:
-            self.visitors.append(Pipelining(self.network, None, says_hello=False))
-        if draw.random() < 0.6 and token is None and self.setting.kind == "cuda_ipc":
-            self.visitors.append(LegacyViewer(self.network, self.store))
+            self.visitors.append(Pipelining(self.network, hello))
+        if draw.random() < 0.3:
+            self.visitors.append(Pipelining(self.network, None))
         for _ in range(draw.choice((0, 1, 1, 2))):
-            kind = self.world.draw(draw.choice(RUDE))
-            capabilities = (self.setting.kind, "frames", "reinit")
-            self.visitors.append(Rude(self.network, kind, token, capabilities))
+            self.visitors.append(Rude(self.network, draw.choice(RUDE), hello))
 
     def _draw_client(self) -> ClientSetting:
         draw = self.world.random
@@ -72,7 +68,6 @@ class Session:
         return ClientSetting(
             capabilities=(self.setting.kind, *extra),
             channels=draw.choice(CHANNELS),
-            token="another" if self.setting.token and draw.random() < 0.2 else self.setting.token,
             patience=draw.choice((0.0, 0.02, 0.02, 1.0, 12.0)),
             pause=draw.choice((0.2, 0.5, 1.5)),
         )
@@ -112,14 +107,12 @@ class Session:
     def _change(self) -> None:
         """The renderer does something of its own accord."""
         self.server.contents += 1
-        self.server.tell(float(self.server.contents))
         if self.world.random.random() < 0.08 and self.server.is_alive:
-            self.world.draw("renderer resizes")
             self.server.resize(self.world.random.randint(1, 9), 2)
 
     def _harm(self) -> None:
         draw = self.world.random
-        kind = self.world.draw(draw.choice(HARM))
+        kind = draw.choice(HARM)
         self.world.note("HARM", kind)
         HARMS[kind](self)
 
@@ -155,7 +148,6 @@ HARMS: dict[str, Callable[[Session], None]] = {
     "reset": Session._reset,
     "clog": Session._clog,
     "jump": lambda session: session._anyone().jump(session._seconds()),
-    "stop the clock": lambda session: session._anyone().stop_clock(session._seconds()),
     "pause": lambda session: session._anyone().pause(session._seconds()),
     "vanish": Session._vanish,
     "restart": lambda session: session._restart(True),

@@ -13,12 +13,7 @@ from splatbus_client.events import Announced, IpcEvent, Lent, MessageEvent, Must
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.message_protocol import MessageProtocol, NotOfferedError
 from splatbus_server.connection import Connection, Refusal, Terms
-from splatbus_server.control import Poses
-from splatbus_server.exchange import Exchange
 from splatbus_server.session import CAPABILITIES, MESSAGE_CAPABILITIES, Session
-from splatbus_server.statistics import Statistics
-from splatbus_server.telemetry import Readings
-from splatbus_server.view import field_of_view
 from splatbus_wire.framing import PacketDecoder, encode_packet
 from splatbus_wire.json_text import parse_object
 from splatbus_wire.messages import (
@@ -42,7 +37,7 @@ from splatbus_wire.poses import IDENTITY
 
 from tests.simulation.machine.memory import Memory, Store
 from tests.simulation.machine.world import World
-from tests.simulation.server import CAMERAS, OBJECTS, SCENE
+from tests.simulation.server import CAMERAS, SCENE
 
 MARK = b"\xff"
 """Between two steps: UTF-8 has no such byte."""
@@ -86,11 +81,9 @@ class Stage:
         world = World(0)
         world.is_calm = True
         self.now = 0.0
-        statistics = Statistics()
         memory: Any = Memory(Store(world), "host_shm", 4, 2, READERS)
-        self.exchange = Exchange(memory, field_of_view(4, 2), Poses(IDENTITY, OBJECTS), statistics)
-        self.readings = Readings(statistics)
-        self.session = Session(self.exchange, CAMERAS, READERS, statistics, SCENE, self.readings)
+        self.session = Session(memory, SCENE, CAMERAS)
+        self.exchange, self.readings = self.session.exchange, self.session.readings
         self._connections: dict[int, Connection] = {}
 
     def connection(self, number: int) -> Connection:

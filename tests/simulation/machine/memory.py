@@ -66,7 +66,6 @@ class Memory:
         self, store: Store, kind: str, width: int, height: int, readers: int, generation: int = 1
     ) -> None:
         if store.world.chance(0.05 if generation > 1 else 0.0):
-            store.world.draw("no room for memory")
             raise OSError(errno.ENOSPC, "no space left on device")
         self.store, self.kind = store, kind
         self.width, self.height, self.generation = width, height, generation
@@ -131,7 +130,6 @@ class Images:
         self.world = store.world
         self.memory = store.find(packet)
         if self.world.chance(0.03):
-            self.world.draw("memory that cannot be opened")
             raise CannotOpenError("of no reason")
         self.generation = packet.generation or 0
         self.semantics = packet.semantics or Semantics()

@@ -96,7 +96,6 @@ class Socket:
             raise BlockingIOError
         if self.world.chance(self.network.weather.pieces):
             count = self.world.random.randint(1, count)
-            self.world.draw("partial write")
         self._under_way += count
         self.taken += count
         self._carry(partial(self._arrive, bytes(data[:count])))
@@ -112,7 +111,6 @@ class Socket:
         count = min(most, len(self.arrived))
         if self.world.chance(self.network.weather.pieces):
             count = self.world.random.randint(1, count)
-            self.world.draw("partial read")
         data = bytes(self.arrived[:count])
         peer = self.peer
         assert peer is not None
@@ -249,7 +247,6 @@ class Listener:
         if not self.waiting:
             raise BlockingIOError
         if self.network.world.chance(0.01):
-            self.network.world.draw("no file for a connection")
             raise OSError(errno.EMFILE, "too many open files")
         accepted = self.waiting.pop(0)
         accepted.owner = self.owner

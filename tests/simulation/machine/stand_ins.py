@@ -17,9 +17,12 @@ import splatbus_client.channel
 import splatbus_client.reading
 import splatbus_server.exchange
 import splatbus_server.service
+from splatbus_client.channel import Channel
 
 from tests.simulation.machine.network import LOOPBACK, Network, Socket
 from tests.simulation.machine.world import Node, World
+
+NAP_SECONDS = 2.0
 
 
 class SleepError(Exception):
@@ -124,6 +127,26 @@ class Selector:
         """Does nothing."""
 
 
+def take_turn(node: Node, hears: int, *channels: Channel) -> None:
+    """A turn of the loop that looks after a client's channels.
+
+    Args:
+        node: the program.
+        hears: what it looks out for at all: a mask of `selectors`.
+        channels: of the reference.
+    """
+    now = node.clock()
+    for channel in channels:
+        channel.advance(now)
+        socket: Any = channel.socket
+        if socket is not None:
+            socket.owner = node
+            if mask := mask_of(socket, channel.interest() & hears):
+                node.wake()
+                channel.ready(mask, now)
+    node.sleep(min(min(channel.deadline() for channel in channels) - now, NAP_SECONDS))
+
+
 def mask_of(fileobj: Any, events: int) -> int:
     """Which of the events it is ready for."""
     mask = selectors.EVENT_READ if fileobj.is_readable else 0
@@ -200,30 +223,15 @@ def standing_in(host: Host, images: Callable[[Any], Any]) -> Iterator[None]:
         ends[0].peer, ends[1].peer = ends[1], ends[0]
         return ends
 
-    of_service = SimpleNamespace(
-        socketpair=socketpair,
-        SHUT_WR=socket.SHUT_WR,
-        IPPROTO_TCP=socket.IPPROTO_TCP,
-        TCP_NODELAY=socket.TCP_NODELAY,
-        SOL_SOCKET=socket.SOL_SOCKET,
-        SO_KEEPALIVE=socket.SO_KEEPALIVE,
+    sockets = SimpleNamespace(
+        **{
+            **vars(socket),
+            "socketpair": socketpair,
+            "socket": lambda *_: Socket(network),
+            "getaddrinfo": lambda host, port, **_: [(0, 0, 0, "", (LOOPBACK, port))],
+        }
     )
-    of_client = SimpleNamespace(
-        socket=lambda *_: Socket(network),
-        getaddrinfo=lambda host, port, **_: [(0, 0, 0, "", (LOOPBACK, port))],
-        gaierror=socket.gaierror,
-        IPPROTO_TCP=socket.IPPROTO_TCP,
-        TCP_NODELAY=socket.TCP_NODELAY,
-        SOL_SOCKET=socket.SOL_SOCKET,
-        SO_ERROR=socket.SO_ERROR,
-        SO_KEEPALIVE=socket.SO_KEEPALIVE,
-        SOCK_STREAM=socket.SOCK_STREAM,
-    )
-    selecting = SimpleNamespace(
-        DefaultSelector=lambda: Selector(world),
-        EVENT_READ=selectors.EVENT_READ,
-        EVENT_WRITE=selectors.EVENT_WRITE,
-    )
+    selecting = SimpleNamespace(**{**vars(selectors), "DefaultSelector": lambda: Selector(world)})
     cost = world.random.choice((0.0, 0.0, 0.00005, 0.0003))
 
     def monotonic() -> float:
@@ -245,10 +253,10 @@ def standing_in(host: Host, images: Callable[[Any], Any]) -> Iterator[None]:
             (splatbus_server.service, "clock", worked),
             (splatbus_server.service, "has_hung_up", lambda _: False),
             (splatbus_server.service, "selectors", selecting),
-            (splatbus_server.service, "socket", of_service),
+            (splatbus_server.service, "socket", sockets),
             (splatbus_server.service, "ThreadPoolExecutor", lambda *_: Worker(host.node)),
             (splatbus_server.exchange, "time", time),
-            (splatbus_client.channel, "socket", of_client),
+            (splatbus_client.channel, "socket", sockets),
             (splatbus_client.reading, "HostImages", images),
             (splatbus_client.reading, "cuda", SimpleNamespace(usable=lambda: False)),
             (splatbus_client.reading, "LOOK_SECONDS", 1.0),

@@ -35,7 +35,6 @@ class World:
         now: seconds.
         is_calm: nothing goes wrong any more.
         steps: how many there were.
-        drawn: how often each kind of event was drawn.
         looked: how often each invariant was looked at.
         broken: the first invariant that did not hold; kept, for what runs may catch exceptions.
         tell: takes the trace, if somebody reads it.
@@ -46,7 +45,6 @@ class World:
         self.now = 100.0
         self.is_calm = False
         self.steps = 0
-        self.drawn: Counter[str] = Counter()
         self.looked: Counter[str] = Counter()
         self.broken: BrokenError | None = None
         self.tell = tell
@@ -75,11 +73,6 @@ class World:
     def chance(self, probability: float) -> bool:
         """Whether something goes wrong that does so with this probability; never in the calm."""
         return not self.is_calm and self.random.random() < probability
-
-    def draw(self, kind: str) -> str:
-        """Counts what was drawn."""
-        self.drawn[kind] += 1
-        return kind
 
     def note(self, *told: object) -> None:
         """Adds a line to the trace, if there is one."""
@@ -112,40 +105,21 @@ class Node:
         self.world = world
         self.is_alive = True
         self._ahead = world.random.random() * 1000.0
-        self._stopped_at: float | None = None
         self._wakes_at = math.inf
         self._paused_until = -math.inf
 
     def clock(self) -> float:
         """Seconds on a clock that never goes back."""
-        if self._stopped_at is not None:
-            return self._stopped_at
         return self.world.now + self._ahead
 
     def jump(self, seconds: float) -> None:
         """Sets the clock forward."""
         self._ahead += seconds
-        if self._stopped_at is not None:
-            self._stopped_at += seconds
         self.wake()
 
     def work(self, seconds: float) -> None:
         """Takes some time, which nobody else notices."""
-        if self._stopped_at is None:
-            self._ahead += seconds
-
-    def stop_clock(self, seconds: float) -> None:
-        """Lets the clock stand still for a time."""
-        if self._stopped_at is None:
-            self._stopped_at = self.clock()
-            self.world.after(seconds, self.start_clock)
-
-    def start_clock(self) -> None:
-        """Lets the clock go on from where it stands."""
-        if self._stopped_at is not None:
-            self._ahead = self._stopped_at - self.world.now
-            self._stopped_at = None
-            self.wake()
+        self._ahead += seconds
 
     def pause(self, seconds: float) -> None:
         """Keeps it from running for a time; its clock goes on."""

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from splatbus_renderer.raycast import Raycaster, Stats
+from splatbus_renderer.raycast import Raycaster
 from splatbus_renderer.scene import Camera, Scene
 
 from tests.zoo.faults.patching import Patch
@@ -79,7 +79,6 @@ def showing(patch: Patch, blobs: Blobs) -> None:
         return image._replace(
             color=color.astype(np.float32),
             depth=depth.astype(np.float32) if wanted else None,
-            stats=Stats(0, 0),
         )
 
     renderer.RENDERS_IMAGE.wrap(patch, render)

@@ -87,7 +87,7 @@ def server_counts_images_anew(original, self, former, memory, *other, **named):
 @mutant(check="the holder's pose counts", at=server.PASSES_CONTROL_ON)
 def server_passes_on_no_control(original, self, connection):
     """Ends control with the connection, and does not apply the next one's poses."""
-    return self.sent.pop(connection, None) is not None
+    self.sent.pop(connection, None)
 
 
 @mutant(check="the holder's pose counts", at=server.OBEYS)
@@ -128,9 +128,9 @@ def server_tells_of_the_first_memory_only(original, self, connection, reader, me
 
 @mutant(check="memory is there while it is announced", at=server.FREES_FORMER_MEMORY)
 def server_frees_at_once(original, self, now):
-    """Frees former memory whoever has it."""
+    """Frees former memory of which nobody holds an image, whoever has it."""
     for memory in self.exchange.replaced[:]:
-        if self.exchange.give_up(memory):
+        if not memory.ring.held and self.exchange.give_up(memory):
             self.viewport.chores.append(memory.close)
 
 
@@ -141,13 +141,13 @@ def server_ends_nobody_who_keeps_memory(original, self, now):
 
 @mutant(check="the newest image is of the newest pose", at=server.FORGETS_CLIENT)
 def server_sees_nobody_leave(original, self, connection):
-    """Takes it for no news that a connection has gone."""
-    had_news = self.has_news
+    """Takes it for no news that a connection has gone, if no memory waits for that."""
+    had_news = self.has_news or bool(self.exchange.replaced)
     original(self, connection)
     self.has_news = had_news
 
 
-@mutant(check="one memory is left", at=Seam(Viewport, "settle"))
+@mutant(check="a wish for a size is answered", at=Seam(Viewport, "settle"))
 def server_never_settles(original, self, hindrance, now):
     """Begins a change of size, and does not end it."""
 
