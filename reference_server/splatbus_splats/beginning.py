@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Protocol
 
 import numpy as np
 from splatbus_server.view import Intrinsics, field_of_view
@@ -21,17 +20,8 @@ MIDDLE = (10.0, 90.0)
 away, or floats before the cameras, is outside."""
 
 
-class Bounded(Protocol):
-    """What has bounds."""
-
-    @property
-    def bounds(self) -> Box | None:
-        """The box of its centres, if it has any."""
-
-
-def lens_for(width: int, height: int, objects: Iterable[Bounded]) -> Intrinsics:
+def lens_for(width: int, height: int, boxes: Iterable[Box | None]) -> Intrinsics:
     """A vertical field of view of 60 degrees, with which all can be seen from within and around."""
-    boxes = [each.bounds for each in objects]
     sizes = [np.linalg.norm(np.subtract(box.max, box.min)) for box in boxes if box]
     far = max([LEAST_FAR, *(4.0 * float(size) for size in sizes)])
     return field_of_view(width, height)._replace(far=far)

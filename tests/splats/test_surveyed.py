@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,17 +13,12 @@ from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.pinhole import camera_of
 from splatbus_conformance.images.reprojection import DEPTHS, MOMENTS, POSES, QUATERNIONS, ROWS
 from splatbus_conformance.trials.moves.survey import SurveyShot, moves, weigh
-from splatbus_splats.beginning import lens_for, lens_of
-from splatbus_splats.drawing.definition import placed
-from splatbus_splats.drawing.renderer import rendered
-from splatbus_splats.files.cameras import read_cameras
-from splatbus_splats.made import garden
-from splatbus_splats.made.garden import VIEWS
-from splatbus_splats.made.views import cameras
+from splatbus_splats.beginning import lens_for
+from splatbus_splats.made import garden, poses
 from splatbus_splats.scene import Frames, Scene
-from splatbus_wire import poses
+from splatbus_wire.poses import Pose as WirePose
 
-from tests.splats.shots import view_of
+from tests.splats.shots import drawn, view_of
 
 pytestmark = pytest.mark.usefixtures("loops")
 SIZE = 160, 120
@@ -36,8 +29,7 @@ EVERY = (QUATERNIONS, POSES, ROWS, DEPTHS, MOMENTS)
 
 def shot(scene: Scene, camera: Pose, lens: Any, spoil: Spoil) -> SurveyShot:
     """The image of a camera, with what a renderer may have done to it."""
-    view = view_of(poses.Pose(*camera), size=SIZE, intrinsics=lens)
-    image = rendered(placed(view, scene.at(None)), view.intrinsics, *SIZE)
+    image = drawn(view_of(WirePose(*camera), size=SIZE, intrinsics=lens), scene.at(None))
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(image.inverse > 0, image.color[..., 3] / image.inverse, np.inf)
     color = np.array(image.color)
@@ -92,12 +84,9 @@ def scene() -> Scene:
     ],
 )
 def test_what_is_wrong_with_images_of_a_garden_is_named_and_nothing_else(
-    scene: Scene, spoil: Spoil, broken: Any, words: str, tmp_path: Path
+    scene: Scene, spoil: Spoil, broken: Any, words: str
 ) -> None:
-    (tmp_path / "cameras.json").write_text(json.dumps(cameras(VIEWS)), "utf-8")
-    begin = read_cameras(tmp_path / "cameras.json")[0]
-    lens = lens_of(begin, *SIZE, lens_for(*SIZE, scene.parts.values()).far)
-    first = Pose(tuple(begin.pose.position), tuple(begin.pose.rotation))
+    lens, first = lens_for(*SIZE, [scene.bounds]), Pose(*poses()[0])
     around = moves(shot(scene, first, lens, rightly).photograph)
     taken = [shot(scene, each, lens, spoil) for each in (*around, first)]
     trial: Any = SimpleNamespace(
