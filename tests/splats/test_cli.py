@@ -1,10 +1,9 @@
-"""The command as a person and as a client meet it, and how it is judged by the harness."""
+"""The command as a person and as a client meet it."""
 
 from __future__ import annotations
 
 import json
 import re
-import shlex
 import signal
 import socket
 import subprocess
@@ -21,12 +20,10 @@ from splatbus_client import Placement
 from splatbus_server.view import Intrinsics, field_of_view
 from splatbus_splats import cli
 from splatbus_splats.cli import main, parser
-from splatbus_splats.drawing.skips import EXACT, NOTHING, Skip
 from splatbus_splats.files import container, ply
 from splatbus_splats.loading import loaded, scene_of, source
 from splatbus_wire.poses import IDENTITY, Pose
 
-from tests.conformance.harness import run
 from tests.splats.served import COMMAND, ENVIRONMENT, FREE, SECONDS, serving
 from tests.splats.shots import cloud, drawn, view_of
 from tests.splats.times import drawn as in_time
@@ -134,13 +131,6 @@ def test_clients_see_what_the_renderer_draws_of_what_was_read(files: list[Path])
     assert "Traceback" not in log
 
 
-def test_a_stranger_finds_that_it_conforms(files: list[Path]) -> None:
-    launch = shlex.join([*COMMAND, *map(str, files), "--size", "64x48", "--quiet"])
-    words = ("--profile", "brief", "--select", "CNV,OBJ,SCN,TIM", "--parallel", "1")
-    code, output = run("server", "--launch", launch, *words, limit=240)
-    assert code == 0, output
-
-
 def test_cameras_nearby_that_are_others_are_said_and_left(tmp_path: Path) -> None:
     ply.write(tmp_path / "a.ply", cloud(50, 0))
     (tmp_path / "cameras.json").write_text("{}")
@@ -196,18 +186,6 @@ def test_what_can_be_wrong_without_it_is_said_before_anything_is_read(
     assert re.fullmatch(r"splatbus-server: .*no\b.*: No such file or directory\n", done.stderr)
 
 
-def test_help_teaches(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit, match="0"):
-        main(["--help"])
-    text = capsys.readouterr().out
-    assert text.startswith("usage: splatbus-server ")
-    for word in (
-        "examples:", "what next:", "exit codes:", "--cameras", "--token-file", "--turntable",
-        "--rate", "--seconds", "SPLATBUS_TOKEN", "statue.splat", "numbered files", "320x240",
-    ):  # fmt: skip
-        assert word in text
-
-
 @pytest.mark.parametrize(
     ("cameras", "message"),
     [
@@ -256,11 +234,6 @@ def test_wrong_usage_is_refused(
     with pytest.raises(SystemExit, match="2"):
         main(arguments)
     assert message in capsys.readouterr().err
-
-
-def test_skips_are_read_by_their_names() -> None:
-    assert parser().parse_args(["a.ply", "--skips", "none"]).skips == NOTHING
-    assert parser().parse_args(["a.ply", "--skips", "exact,small"]).skips == EXACT | Skip.SMALL
 
 
 def test_what_stands_in_the_way_of_serving_is_said(

@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from splatbus_splats.beginning import before, lens_for
-from splatbus_splats.drawing.harmonics import CONSTANT, colours
+from splatbus_splats.drawing.harmonics import CONSTANT
 from splatbus_splats.files.cameras import read_cameras
 from splatbus_splats.files.read import read
 from splatbus_splats.gaussians import Gaussians
 from splatbus_splats.made import garden, poses
 from splatbus_splats.made.__main__ import main
-from splatbus_splats.made.light import TO_SUN, Shades, sheen
-from splatbus_splats.made.parts import directions, part, turns_of
-from splatbus_splats.scene import Frames, Scene
+from splatbus_splats.made.light import TO_SUN
+from splatbus_splats.made.parts import directions, turns_of
 from splatbus_wire.rotations import rotation_matrix
 
 ARRAYS = [each.name for each in fields(Gaussians)]
@@ -65,27 +63,6 @@ def test_the_table_lies_flat_and_its_far_side_from_the_sun_is_in_the_shade(
     assert bright[toward > 0.3].mean() > 1.25 * bright[toward < -0.3].mean()
 
 
-def test_what_is_nearer_to_the_light_takes_it_from_what_is_behind() -> None:
-    random = np.random.default_rng(1)
-    grid = np.stack(np.meshgrid(np.arange(20.0), [0.0, 5.0], np.arange(20.0)), -1).reshape(-1, 3)
-    up, covers = np.tile((0.0, -1.0, 0.0), (len(grid), 1)), np.full(len(grid), 1.0)
-    shades = Shades(grid, up, covers, np.zeros(len(grid)))
-    light = shades.light(np.array((0.0, -1.0, 0.0)), 2.0, random)
-    assert light[grid[:, 1] == 0.0].min() == 1.0
-    assert light[grid[:, 1] == 5.0].mean() == pytest.approx(np.exp(-1.0), abs=0.05)
-    wide = shades._replace(extents=np.full(len(grid), 6.0))
-    assert wide.light(np.array((0.0, -1.0, 0.0)), 2.0, random).min() == 1.0
-
-
-def test_sheen_is_brightest_where_the_sun_is_mirrored() -> None:
-    random = np.random.default_rng(1)
-    up = part(random, np.zeros((1, 3)), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0), 0.1, 0.5, gloss=0.2)
-    k, looks = sheen(up, np.ones(1), 3), directions(500, random)
-    seen = colours(np.repeat(k.transpose(1, 2, 0), len(looks), axis=2), looks)[:, 0]
-    assert looks[seen.argmax()] @ (TO_SUN * (1.0, -1.0, 1.0)) > 0.95
-    assert seen.max() > 0.6
-
-
 def test_turns_take_x_along_and_z_to_the_normal() -> None:
     random, axes = np.random.default_rng(1), np.eye(3)
     normals = np.concatenate((directions(200, random), axes, -axes))
@@ -95,16 +72,6 @@ def test_turns_take_x_along_and_z_to_the_normal() -> None:
         np.testing.assert_allclose(matrix[:, 2], z, atol=1e-9)
         flat = x - (x @ z) * z
         np.testing.assert_allclose(matrix[:, 0], flat / np.linalg.norm(flat), atol=1e-9)
-
-
-def test_without_cameras_the_view_begins_with_tree_and_table_in_it(scene: Gaussians) -> None:
-    whole = Scene({"default": Frames((scene,))})
-    pose, lens = before(whole, lens_for(640, 480, [scene.bounds]), 640, 480)
-    for point in ((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, -1.5, 0.0), (0.0, 0.7, 0.0)):
-        x, y, z = np.subtract(point, pose.position)
-        assert 2.0 < z < 5.0
-        assert 0.0 < lens.fx * x / z + lens.cx < 640.0
-        assert 0.0 < lens.fy * y / z + lens.cy < 480.0
 
 
 def test_the_command_writes_it_and_cameras_that_look_at_it(tmp_path: Path) -> None:

@@ -31,8 +31,6 @@ PARTS = 3
 """Of the work for each thread, so that none waits long for another."""
 SLICES = (0.125, 0.25, 0.5)
 """Shares of the runs in view that are drawn before what is behind them is looked at."""
-HIDING = 1.0 / 16.0
-"""Share of tiles in which all has to be opaque for the next image to look for what is hidden."""
 CHANNELS = frozenset({"color", "depth"})
 
 
@@ -207,8 +205,6 @@ class Renderer:
             is_near = runs.reaching(self._tiles, is_open) & (nearest < span[1])
             self._project(shown, is_near & ~self._runs.is_done)
             self._draw(shown, is_near, span, is_open.reshape(-1))
-        is_enough = np.count_nonzero(is_due & ~is_open) >= HIDING * np.count_nonzero(is_due)
-        self._hides = Skip.HIDDEN in self._skips and bool(is_enough)
         put = partial(blend.put, shown.across, is_due.reshape(-1), self._pixels.sums, *self._image)
         self._in_parts(tiles, put)
 

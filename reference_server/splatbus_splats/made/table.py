@@ -61,7 +61,8 @@ def _top(count: int, random: np.random.Generator) -> Part:
     scales = np.tile(fine * np.array((1.9, 0.62, 0.12)), (count, 1))
     scales[in_gap] = GAP * np.array((4.0, 0.42, 0.2))
     inside = RADIUS - np.linalg.norm(places, axis=1)
-    scales[:, 0] = np.minimum(scales[:, 0], 0.6 * np.maximum(inside, 0.0) + 0.3 * fine)  # none stands over the edge
+    longest = 0.6 * np.maximum(inside, 0.0) + 0.3 * fine  # none stands over the edge
+    scales[:, 0] = np.minimum(scales[:, 0], longest)
     normals = 0.04 * random.normal(size=(count, 3)) + UPWARD
     return part(random, places, normals, (1.0, 0.0, 0.0), scales, albedos, gloss=0.10)
 
