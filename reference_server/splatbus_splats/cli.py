@@ -21,7 +21,7 @@ from splatbus_wire.messages import SceneObject
 from splatbus_wire.poses import Pose
 from splatbus_wire.settings import read_token
 
-from splatbus_splats.beginning import before, lens_for, lens_of, reaching
+from splatbus_splats.beginning import before, lens_of, reaching
 from splatbus_splats.drawing import gpu
 from splatbus_splats.drawing.skips import MEANINGS, USUAL, Skip, named
 from splatbus_splats.files.cameras import Camera, read_cameras
@@ -142,7 +142,7 @@ def parser() -> argparse.ArgumentParser:
     parser.epilog = EPILOG
     parser.set_defaults(size=None)
     parser.add_argument(
-        "files", nargs="*", type=_path, metavar="FILE", help="or a folder of files: see below"
+        "files", nargs="*", type=Path, metavar="FILE", help="or a folder of files: see below"
     )
     parser.add_argument(
         "--cameras", type=Path, metavar="JSON", help="of 3DGS; the view begins there"
@@ -299,17 +299,15 @@ def _beginning(
     taken: list[Camera], where: str, scene: Scene, size: tuple[int, int]
 ) -> tuple[list[Pose], Intrinsics, str]:
     """Where cameras are, the lens of the first, and where that is and why, in words."""
-    lens = lens_for(*size, (each.bounds for each in scene.parts.values()))
     if taken:
         camera = taken[0]
         why = (
             f"at {_point(camera.pose.position)}, where {camera.name} was taken:"
             f" the first of {len(taken)} cameras of {where}"
         )
-        lens = lens_of(camera, *size, lens.far)
-        reached = reaching(lens, camera.pose.position, scene.bounds)
-        return [each.pose for each in taken], reached, why
-    pose, lens = before(scene, lens, *size)
+        lens = reaching(lens_of(camera, *size), camera.pose.position, scene.bounds)
+        return [each.pose for each in taken], lens, why
+    pose, lens = before(scene, *size)
     why = (
         f"at {_point(pose.position)} and looks along +z, with the middle of the scene in view:"
         f" {where}"
@@ -334,12 +332,6 @@ def _summary(name: str, object_: Loaded) -> str:
 
 def _point(point: Any) -> str:
     return f"({', '.join(f'{each:.4g}' for each in point)})"
-
-
-def _path(text: str) -> Path:
-    if not text:
-        raise argparse.ArgumentTypeError("'' names no file")
-    return Path(text)
 
 
 def _skips(text: str) -> Skip:

@@ -25,10 +25,10 @@ def scene() -> Gaussians:
     return garden(30_000)
 
 
-@pytest.mark.parametrize(("count", "degree"), [(1, 0), (2, 1), (37, 2), (1000, 3)])
-def test_it_is_the_same_for_the_same_seed(count: int, degree: int) -> None:
-    one, again, other = (garden(count, degree, seed) for seed in (1, 1, 2))
-    assert (len(one), one.degree) == (count, degree)
+@pytest.mark.parametrize("count", [1, 2, 37, 1000])
+def test_it_is_the_same_for_the_same_seed(count: int) -> None:
+    one, again, other = (garden(count, seed) for seed in (1, 1, 2))
+    assert (len(one), one.degree) == (count, 3)
     for name in ARRAYS:
         assert getattr(one, name).dtype == np.float32
         assert np.isfinite(getattr(one, name)).all()
@@ -87,7 +87,7 @@ def test_the_command_writes_it_and_cameras_that_look_at_it(tmp_path: Path) -> No
         assert matrix[1, 1] > 0.8
 
 
-@pytest.mark.parametrize("words", [("0", "a.ply"), ("5", "a.ply", "--seed", "-1"), ("5", "a.obj")])
+@pytest.mark.parametrize("words", [("0", "a.ply"), ("ten", "a.ply"), ("5", "a.obj")])
 def test_wrong_usage_is_refused(words: tuple[str, ...]) -> None:
     with pytest.raises(SystemExit, match="2"):
         main([*words])

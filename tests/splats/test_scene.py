@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_splats.beginning import before, lens_for, reaching
+from splatbus_server.view import field_of_view
+from splatbus_splats.beginning import before, reaching
 from splatbus_splats.drawing.harmonics import CONSTANT
 from splatbus_splats.files import container, ply
 from splatbus_splats.files.read import read
@@ -243,7 +244,7 @@ def test_without_cameras_the_middle_is_in_view(
     means[:10] *= 50  # floaters
     gaussians = some(means, 0.01)
     scene = Scene({"default": Frames((gaussians,))})
-    pose, lens = before(scene, lens_for(*size, [scene.bounds]), *size)
+    pose, lens = before(scene, *size)
     assert pose.rotation == IDENTITY.rotation
     corners = np.percentile(gaussians.means, (10, 90), axis=0)
     box = np.stack(np.meshgrid(*corners.T), axis=-1).reshape(-1, 3)
@@ -257,17 +258,16 @@ def test_without_cameras_the_middle_is_in_view(
 
 
 def test_a_view_of_one_gaussian_is_before_it_and_of_none_at_the_origin() -> None:
-    lens, one = lens_for(64, 48, []), some([(1, 2, 3)], 0.0)
+    lens, one = field_of_view(64, 48), some([(1, 2, 3)], 0.0)
     for each, place in ((one, (1, 2, 2.6)), (one[:0], (0, 0, 0))):
-        pose, found = before(Scene({"default": Frames((each,))}), lens, 64, 48)
+        pose, found = before(Scene({"default": Frames((each,))}), 64, 48)
         assert pose.position == pytest.approx(place)
         assert found == lens
 
 
 def test_a_lens_sees_as_far_as_the_scene_goes() -> None:
-    box = Box((0.0, 0.0, 0.0), (300.0, 0.0, 400.0))
-    assert lens_for(64, 48, [None, box]) == lens_for(64, 48, [])._replace(far=2000.0)
-    lens = lens_for(64, 48, [])
+    box, lens = Box((0.0, 0.0, 0.0), (300.0, 0.0, 400.0)), field_of_view(64, 48)
+    assert reaching(lens, (300.0, 0.0, 400.0), box) == lens._replace(far=2000.0)
     assert reaching(lens, (0.0, 0.0, -1000.0), box).far == pytest.approx(2 * math.hypot(300, 1400))
     assert reaching(lens, (0.0, 0.0, 0.0), Box((0, 0, 0), (1, 1, 1))) == lens
     assert reaching(lens, (0.0, 0.0, -1000.0), None) == lens

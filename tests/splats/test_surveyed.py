@@ -13,7 +13,8 @@ from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.pinhole import camera_of
 from splatbus_conformance.images.reprojection import DEPTHS, MOMENTS, POSES, QUATERNIONS, ROWS
 from splatbus_conformance.trials.moves.survey import SurveyShot, moves, weigh
-from splatbus_splats.beginning import lens_for
+from splatbus_server.view import field_of_view
+from splatbus_splats.beginning import reaching
 from splatbus_splats.made import garden, poses
 from splatbus_splats.scene import Frames, Scene
 from splatbus_wire.poses import Pose as WirePose
@@ -69,7 +70,8 @@ def scene() -> Scene:
 def test_what_is_wrong_with_images_of_a_garden_is_named_and_nothing_else(
     scene: Scene, spoil: Spoil, broken: Any, words: str
 ) -> None:
-    lens, first = lens_for(*SIZE, [scene.bounds]), Pose(*poses()[0])
+    first = Pose(*poses()[0])
+    lens = reaching(field_of_view(*SIZE), first.position, scene.bounds)
     around = moves(shot(scene, first, lens, rightly).photograph)
     taken = [shot(scene, each, lens, spoil) for each in (*around, first)]
     trial: Any = SimpleNamespace(

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from io import BufferedReader
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +38,8 @@ def found(file: BufferedReader, path: Path, header: Header, wanted: Element) -> 
         wanted: one of its elements.
 
     Raises:
-        ValueError: the file is too short for what its header claims, or a list has a length that
-            is none; the message says where.
+        ValueError: the file is too short for what its header claims, or the rows lie behind
+            binary lists; the message says where.
     """
     size, line = os.fstat(file.fileno()).st_size, header.lines
     for element in header.elements:
@@ -49,12 +49,12 @@ def found(file: BufferedReader, path: Path, header: Header, wanted: Element) -> 
             raise _cut_short(path, element, size)
         if element is wanted:
             return Place(begin, line)
-        if not header.order:
-            _skip_lines(file, path, element, size)
-        elif any(each.length for each in element.properties):
-            _skip_lists(file, path, header.order, element, size)
-        else:
+        if header.order and any(each.length for each in element.properties):
+            raise ValueError(f"{path}: lists of {element.name} lie before the {wanted.name} rows")
+        if header.order:
             file.seek(begin + least)
+        else:
+            _skip_lines(file, path, element, size)
         line += element.rows
     raise ValueError(f"{path}: it has no element {wanted.name}")
 
@@ -130,25 +130,6 @@ def _skip_lines(file: BufferedReader, path: Path, element: Element, size: int) -
     for _ in range(element.rows if element.properties else 0):
         if not file.readline():
             raise _cut_short(path, element, size)
-
-
-def _skip_lists(file: BufferedReader, path: Path, order: str, element: Element, size: int) -> None:
-    sign: Literal["big", "little"] = "big" if order == ">" else "little"
-    for row in range(element.rows):
-        for each in element.properties:
-            length, item = 1, int(each.number[1])
-            if each.length:
-                read = file.read(int(each.length[1]))
-                if len(read) < int(each.length[1]):
-                    raise _cut_short(path, element, size)
-                length = int.from_bytes(read, sign, signed=each.length[0] == "i")
-                if length < 0:
-                    raise ValueError(
-                        f"{path}: {each.name} of row {row} of {element.name} has {length} items"
-                    )
-            file.seek(length * item, os.SEEK_CUR)
-    if file.tell() > size:
-        raise _cut_short(path, element, size)
 
 
 def _from_text(lines: list[str], dtype: np.dtype[Any], where: str, first: int) -> Rows:

@@ -39,12 +39,12 @@ GROWTH = 1.2
 """How large the tree and its pot are on the table."""
 SIZE = 960, 640
 SHARE_OPAQUE = 0.8
-SPREADS = (0.0, 0.022, 0.014, 0.009)
-"""Standard deviations of harmonics, by degree, beside those of sheen."""
+SPREADS = (0.022, 0.014, 0.009)
+"""Standard deviations of harmonics, by degree from 1 on, beside those of sheen."""
 
 
-def garden(count: int, degree: int = 3, seed: int = 1) -> Gaussians:
-    """A scene of `count` Gaussians with harmonics up to a degree from 0 to 3."""
+def garden(count: int, seed: int = 1) -> Gaussians:
+    """A scene of `count` Gaussians with harmonics of degree 3."""
     random = np.random.default_rng(seed)
     n = {name: int(share * count) for name, share in SHARES.items()}
     planted = joined(
@@ -70,11 +70,11 @@ def garden(count: int, degree: int = 3, seed: int = 1) -> Gaussians:
     colors = lit(below, opacities[: len(below.means)], np.where(near, FINE, COARSE), random)
     whole = joined((below, dome))
     bright = np.concatenate((colors.mean(axis=1), np.zeros(len(dome.means))))
-    coefficients = sheen(whole, bright, degree)
+    coefficients = sheen(whole, bright)
     coefficients[:, 0] = (np.concatenate((colors, colors_of_sky)) - 0.5) / CONSTANT
-    for each in range(1, degree + 1):
-        band = coefficients[:, COEFFICIENTS[each - 1] : COEFFICIENTS[each]]
-        band += random.normal(0.0, SPREADS[each], band.shape)
+    for spread, *band in zip(SPREADS, COEFFICIENTS, COEFFICIENTS[1:]):
+        there = coefficients[:, slice(*band)]
+        there += random.normal(0.0, spread, there.shape)
     turns = turns_of(whole.normals, whole.along)
     order = random.permutation(count)
     arrays = (whole.means, turns, whole.scales, opacities, coefficients)

@@ -56,21 +56,17 @@ def lit(part: Part, opacities: Floats, cell: Floats, random: np.random.Generator
     return np.asarray(np.clip(rolled, 0.0, 1.0) ** (1.0 / 2.2))
 
 
-def sheen(part: Part, sun: Floats, degree: int) -> Floats:
-    """(N, K, 3), harmonics up to a degree of the sun in what is glossy; the constant one is 0.
+def sheen(part: Part, sun: Floats) -> Floats:
+    """(N, 16, 3), harmonics of the sun in what is glossy; the constant one is 0.
 
     Args:
         part: what shines.
         sun: (N,), how bright it is there.
-        degree: of the harmonics.
     """
     facing = (part.normals @ TO_SUN)[:, None]
     mirrored = unit(TO_SUN - 2.0 * facing * part.normals)  # where one looks to, to see it
     lobes = np.stack(values(*mirrored.T))
-    shine = np.zeros((COEFFICIENTS[degree], len(sun)))
-    for each in range(degree):
-        band = slice(*COEFFICIENTS[each : each + 2])
-        shine[band] = LOBE[each] * part.gloss * sun * lobes[band]
+    shine = np.repeat((0.0, *LOBE), np.diff((0, *COEFFICIENTS)))[:, None] * part.gloss * sun * lobes
     return np.repeat(shine.T[:, :, None], 3, axis=2)
 
 
