@@ -45,10 +45,10 @@ def paving(count: int, random: np.random.Generator) -> Part:
     slab = away.argmin(axis=1)
     edge = (np.linalg.norm(places, axis=1) - PAVED) / 0.12 + 0.3 * noise(places, 0.1, random)
     is_bed = random.random(count) < 0.08  # on which the slabs lie: coarse, and below them
-    joint = np.maximum(1.0 - (second - nearest - 0.05) / 0.03, np.maximum(edge, is_bed))
+    joint = np.maximum(1.0 - (second - nearest - 0.05) / 0.03, edge)
     means = places + lifted(GROUND + 0.018 * np.clip(joint, 0.0, 1.0) + 0.02 * is_bed)
     normals = random.normal(0.0, 0.03, (SLABS, 3))[slab] + 0.07 * directions(count, random) + UPWARD
-    tints = mixed((0.13, 0.12, 0.105), (0.24, 0.215, 0.18), random.random(SLABS))[slab]
+    tints = mixed((0.12, 0.11, 0.095), (0.2, 0.18, 0.15), random.random(SLABS))[slab]
     tints *= np.exp(0.12 * noise(places, (0.1, 1.0, 0.1), random))[:, None]
     soil = mixed((0.035, 0.027, 0.018), GREEN[0], 0.5 + 0.5 * noise(places, 0.2, random))
     fine = spread(np.pi * (PAVED + 0.25) ** 2, count) * (1.0 + 1.5 * is_bed)
