@@ -33,11 +33,9 @@ IMAGES = 60
 
 def turned(view: Any) -> list[Any]:
     """The view, with a camera that turns from left to right."""
-    from splatbus_wire.poses import Pose
-
-    eye, _ = view.poses.camera
     angles = [math.radians(30.0 * (number / IMAGES - 0.5)) / 2.0 for number in range(IMAGES)]
-    cameras = [Pose(eye, (0.0, math.sin(a), 0.0, math.cos(a))) for a in angles]
+    turns = [(0.0, math.sin(a), 0.0, math.cos(a)) for a in angles]
+    cameras = [view.poses.camera._replace(rotation=each) for each in turns]
     return [replace(view, poses=view.poses._replace(camera=each)) for each in cameras]
 
 

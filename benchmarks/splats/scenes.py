@@ -77,7 +77,7 @@ def statue() -> Shot:
     thing = _alike(random.normal(0.0, 0.12, (5_000, 3)), np.full(5_000, 0.03), random)
     scene = {DEFAULT_OBJECT: along_curve(garden(100_000)), "statue": thing}
     views = tuple(
-        view(FRONT, Placement("statue", Pose((-0.4 + 0.1 * i, -0.3, -0.7), (0, 0, 0, 1))))
+        view(FRONT, Placement("statue", IDENTITY._replace(position=(-0.4 + 0.1 * i, -0.3, -0.7))))
         for i in range(8)
     )
     return Shot("statue", scene, views)
@@ -86,9 +86,8 @@ def statue() -> Shot:
 def afar() -> Shot:
     """Everything smaller than a pixel."""
     scene = {DEFAULT_OBJECT: along_curve(garden(1_000_000))}
-    pose = Pose((0.0, 0.0, -400.0), (0.0, 0.0, 0.0, 1.0))
-    lens = field_of_view(*SIZE)._replace(far=1000.0)
-    return Shot("afar", scene, (view(pose, lens=lens),))
+    pose = IDENTITY._replace(position=(0.0, 0.0, -400.0))
+    return Shot("afar", scene, (view(pose, lens=field_of_view(*SIZE)._replace(far=1000.0)),))
 
 
 def shots() -> Iterator[Shot]:

@@ -86,8 +86,8 @@ def poses() -> list[Pose]:
     found = []
     for turn in (2.0 * math.pi * step / 8 - 0.34 for step in range(8)):
         eye = 2.7 * math.sin(turn), -1.15, -2.7 * math.cos(turn)
-        x, y, z = unit(np.subtract((0.0, -0.5, 0.0), eye))
-        u, _, w = unit(np.array((z, 0.0, -x)))  # to the right
+        x, y, z = unit(np.subtract((0.0, -0.5, 0.0), eye)).tolist()
+        u, _, w = unit(np.array((z, 0.0, -x))).tolist()  # to the right
         matrix = (u, y * w, x, 0.0, z * u - x * w, y, w, -y * u, z)
         found.append(Pose(eye, quaternion_from_matrix(matrix)))
     return found
