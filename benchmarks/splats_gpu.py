@@ -33,10 +33,9 @@ IMAGES = 60
 
 def turned(view: Any) -> list[Any]:
     """The view, with a camera that turns from left to right."""
-    from splatbus_wire.poses import Pose
-
     angles = [math.radians(30.0 * (number / IMAGES - 0.5)) / 2.0 for number in range(IMAGES)]
-    cameras = [Pose((0.0, 0.0, 0.0), (0.0, math.sin(a), 0.0, math.cos(a))) for a in angles]
+    turns = [(0.0, math.sin(a), 0.0, math.cos(a)) for a in angles]
+    cameras = [view.poses.camera._replace(rotation=each) for each in turns]
     return [replace(view, poses=view.poses._replace(camera=each)) for each in cameras]
 
 
@@ -71,13 +70,13 @@ def alone(scene: Any) -> Callable[[Any], Any]:
 
 def measure(count: int, width: int, height: int, rounds: int) -> dict[str, Any]:
     from splatbus_splats.drawing import gpu
-    from splatbus_splats.made import made
+    from splatbus_splats.made import garden, poses
     from splatbus_splats.serving import SEMANTICS
 
-    scene = made(count)
+    scene = garden(count)
     draw, floor = gpu.Renderer(), alone(scene)
     with _shared.seen(width, height, "cuda_ipc", semantics=SEMANTICS) as (bus, view):
-        views = turned(view)
+        views = turned(replace(view, poses=view.poses._replace(camera=poses()[0])))
 
         def ours(view: Any) -> None:
             image = draw(view, {"default": scene})

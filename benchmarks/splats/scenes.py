@@ -12,12 +12,15 @@ from splatbus_server.view import Intrinsics, View, field_of_view
 from splatbus_splats.drawing.definition import Placed, placed
 from splatbus_splats.drawing.harmonics import CONSTANT
 from splatbus_splats.gaussians import Gaussians, along_curve
-from splatbus_splats.made import made
+from splatbus_splats.made import garden, poses
 from splatbus_wire.messages import DEFAULT_OBJECT, Placement
 from splatbus_wire.poses import IDENTITY, Pose
 
 SIZE = (640, 480)
 BOTH = frozenset({"color", "depth"})
+
+
+FRONT = poses()[0]
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class Shot:
 
 
 def view(
-    pose: Pose = IDENTITY,
+    pose: Pose = FRONT,
     *placements: Placement,
     size: tuple[int, int] = SIZE,
     lens: Intrinsics | None = None,
@@ -45,15 +48,15 @@ def view(
 
 
 def front(count: int, size: tuple[int, int] = SIZE) -> Shot:
-    """Balls, a ring and a floor, and what is far away, from before them."""
-    scene = {DEFAULT_OBJECT: along_curve(made(count))}
+    """A bonsai on a table in a garden, from before it."""
+    scene = {DEFAULT_OBJECT: along_curve(garden(count))}
     return Shot(f"front, {count:,}", scene, (view(size=size),))
 
 
 def detail() -> Shot:
     """A long lens, in whose image is a hundredth of a large scene."""
     lens = field_of_view(*SIZE, vertical_degrees=8.0)
-    scene = {DEFAULT_OBJECT: along_curve(made(1_000_000))}
+    scene = {DEFAULT_OBJECT: along_curve(garden(1_000_000))}
     return Shot("detail", scene, (view(lens=lens),))
 
 
@@ -65,16 +68,16 @@ def walls(count: int) -> Shot:
     depths = [wall * (1.0 + 0.25 * i) + random.normal(0.0, 0.03, wall.shape) for i in range(count)]
     sizes = np.repeat(0.08 * (1.0 + 0.25 * np.arange(count)), len(wall))
     scene = _alike(np.concatenate(depths), sizes, random)
-    return Shot(f"walls, {count}", {DEFAULT_OBJECT: scene}, (view(),))
+    return Shot(f"walls, {count}", {DEFAULT_OBJECT: scene}, (view(IDENTITY),))
 
 
 def statue() -> Shot:
-    """A small thing that is moved in a room that rests."""
+    """A small thing that is moved over the table."""
     random = np.random.default_rng(2)
     thing = _alike(random.normal(0.0, 0.12, (5_000, 3)), np.full(5_000, 0.03), random)
-    scene = {DEFAULT_OBJECT: along_curve(made(100_000)), "statue": thing}
+    scene = {DEFAULT_OBJECT: along_curve(garden(100_000)), "statue": thing}
     views = tuple(
-        view(IDENTITY, Placement("statue", Pose((-0.4 + 0.1 * i, 0.2, 3.0), (0, 0, 0, 1))))
+        view(FRONT, Placement("statue", IDENTITY._replace(position=(-0.4 + 0.1 * i, -0.3, -0.7))))
         for i in range(8)
     )
     return Shot("statue", scene, views)
@@ -82,10 +85,9 @@ def statue() -> Shot:
 
 def afar() -> Shot:
     """Everything smaller than a pixel."""
-    scene = {DEFAULT_OBJECT: along_curve(made(1_000_000))}
-    pose = Pose((0.0, 0.0, -80.0), (0.0, 0.0, 0.0, 1.0))
-    lens = field_of_view(*SIZE)._replace(far=200.0)
-    return Shot("afar", scene, (view(pose, lens=lens),))
+    scene = {DEFAULT_OBJECT: along_curve(garden(1_000_000))}
+    pose = IDENTITY._replace(position=(0.0, 0.0, -400.0))
+    return Shot("afar", scene, (view(pose, lens=field_of_view(*SIZE)._replace(far=1000.0)),))
 
 
 def shots() -> Iterator[Shot]:

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import splatbus_client
-from splatbus_client import Pose, Session
+from splatbus_client import Session
 from splatbus_splats.files import ply
 from splatbus_splats.gaussians import COEFFICIENTS
-from splatbus_splats.made import made
+from splatbus_splats.made import garden, poses
 from splatbus_viewer.view import orbit
 
 from benchmarks import _shared
@@ -32,7 +32,7 @@ def measure(rounds: int) -> dict[str, Any]:
     del rounds
     with tempfile.TemporaryDirectory() as folder:
         path, large = Path(folder) / "scene.ply", Path(folder) / "large.ply"
-        ply.write(path, made(100_000))
+        ply.write(path, garden(100_000))
         found: dict[str, Any] = {"gaussians": 100_000, "size": "640x480"}
         with serving(path) as (process, session):
             found["moving"] = followed(session)
@@ -41,7 +41,7 @@ def measure(rounds: int) -> dict[str, Any]:
             found["still_core"] = round(still(process), 5)
         with serving(path, "--skips", "exact") as (_, session):
             found["resting"] = followed(session)
-        ply.write(large, made(1_000_000))
+        ply.write(large, garden(1_000_000))
         with serving(large) as (process, session):
             followed(session, 10)
             found["memory"] = {
@@ -68,7 +68,7 @@ def followed(session: Session, images: int = IMAGES) -> dict[str, float]:
     """A camera that goes on as soon as its image has come: images a second, latencies, ms."""
     waits, began = [], time.monotonic()
     for i in range(1, images + 1):
-        pose = orbit(Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), i / 60.0)
+        pose = orbit(poses()[0], i / 60.0)
         sent = time.monotonic()
         session.send_camera(pose)
         while True:

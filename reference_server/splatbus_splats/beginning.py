@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Protocol
+from collections.abc import Sequence
 
 import numpy as np
-from splatbus_server.view import Intrinsics, field_of_view
+from splatbus_server.view import Intrinsics, field_of_view, without_size
 from splatbus_wire.lens import as_high
 from splatbus_wire.messages import Box
 from splatbus_wire.poses import Pose
@@ -15,51 +14,34 @@ from splatbus_splats.drawing.definition import NEAR
 from splatbus_splats.files.cameras import Camera
 from splatbus_splats.scene import Scene
 
-LEAST_FAR = 100.0
 MIDDLE = (10.0, 90.0)
 """Percentiles of the centres on each axis between which the middle of a scene is: what is far
 away, or floats before the cameras, is outside."""
 
 
-class Bounded(Protocol):
-    """What has bounds."""
-
-    @property
-    def bounds(self) -> Box | None:
-        """The box of its centres, if it has any."""
-
-
-def lens_for(width: int, height: int, objects: Iterable[Bounded]) -> Intrinsics:
-    """A vertical field of view of 60 degrees, with which all can be seen from within and around."""
-    boxes = [each.bounds for each in objects]
-    sizes = [np.linalg.norm(np.subtract(box.max, box.min)) for box in boxes if box]
-    far = max([LEAST_FAR, *(4.0 * float(size) for size in sizes)])
-    return field_of_view(width, height)._replace(far=far)
-
-
-def lens_of(camera: Camera, width: int, height: int, far: float) -> Intrinsics:
+def lens_of(camera: Camera, width: int, height: int) -> Intrinsics:
     """What the camera saw, from its upper to its lower edge, for images of this size."""
-    fx, fy, cx, cy, *_ = as_high(camera.lens, width, height)
-    return Intrinsics(fx, fy, cx, cy, camera.lens.near, far)
+    return without_size(as_high(camera.lens, width, height))
 
 
 def reaching(lens: Intrinsics, position: Sequence[float], bounds: Box | None) -> Intrinsics:
-    """A lens that sees as far as a scene goes, and twice that, from where it is."""
+    """A lens that sees twice as far as a scene goes from there, and all of it from around it."""
     if bounds is None:
         return lens
     corner = np.abs(np.subtract((bounds.min, bounds.max), position)).max(axis=0)
-    return lens._replace(far=max(lens.far, 2.0 * float(np.linalg.norm(corner))))
+    lengths = np.linalg.norm((2.0 * corner, 4.0 * np.subtract(bounds.max, bounds.min)), axis=1)
+    return lens._replace(far=max(lens.far, float(lengths.max())))
 
 
-def before(scene: Scene, lens: Intrinsics, width: int, height: int) -> tuple[Pose, Intrinsics]:
+def before(scene: Scene, width: int, height: int) -> tuple[Pose, Intrinsics]:
     """From where, looking along +z, the middle of a scene is in full view, and with which lens.
 
     The camera is in front of the middle, however near that is: from inside of it one would see
     Gaussians from behind, and from too near. Trained scenes have +z ahead of their first cameras as
     a rule, and y down, so that this looks as they do. The middle is widened by three standard
-    deviations of what is there, as a rule; the lens is that given, which sees as far as the scene
-    goes.
+    deviations of what is there, as a rule; the lens has a vertical field of view of 60 degrees.
     """
+    lens = field_of_view(width, height)
     objects = [each for each in scene.at(None).values() if len(each)]
     bounds = scene.bounds
     if bounds is None or not objects:

@@ -21,11 +21,20 @@ from splatbus_wire.messages import SceneObject
 from splatbus_wire.poses import Pose
 from splatbus_wire.settings import read_token
 
-from splatbus_splats.beginning import before, lens_for, lens_of, reaching
+from splatbus_splats.beginning import before, lens_of, reaching
 from splatbus_splats.drawing import gpu
 from splatbus_splats.drawing.skips import MEANINGS, USUAL, Skip, named
 from splatbus_splats.files.cameras import Camera, read_cameras
-from splatbus_splats.loading import Loaded, Source, cameras_near, loaded, scene_of, source, told
+from splatbus_splats.loading import (
+    Loaded,
+    Progress,
+    Source,
+    cameras_near,
+    loaded,
+    scene_of,
+    source,
+    told,
+)
 from splatbus_splats.scene import Frames, Scene
 from splatbus_splats.serving import SEMANTICS, Drawing, render_until
 
@@ -50,7 +59,7 @@ examples:
   splatbus-server --ipc-port 0 --msg-port 0   let the system choose; the ready line says which
   splatbus-server --turntable 20              spheres that turn
   splatbus-server --host 0.0.0.0 --token-file ~/.splatbus-token
-  python -m splatbus_splats.made 100000 scene.ply   make a scene, if you have none
+  python -m splatbus_splats.made 100000 garden.ply  make a scene, if you have none
 
 files (needs pip install 'splatbus-protocol[splats]'):
   .ply as 3DGS writes it, with Gaussians that live in time too (Spacetime Gaussians, lite), and
@@ -133,7 +142,7 @@ def parser() -> argparse.ArgumentParser:
     parser.epilog = EPILOG
     parser.set_defaults(size=None)
     parser.add_argument(
-        "files", nargs="*", type=_path, metavar="FILE", help="or a folder of files: see below"
+        "files", nargs="*", type=Path, metavar="FILE", help="or a folder of files: see below"
     )
     parser.add_argument(
         "--cameras", type=Path, metavar="JSON", help="of 3DGS; the view begins there"
@@ -181,7 +190,8 @@ def _serve(options: argparse.Namespace) -> int:
         import_module("splatbus_splats.drawing.processor")
     if options.skips is None:
         options.skips = USUAL
-    objects = _load(sources, options)
+    rate, seconds = options.rate or RATE, options.seconds or SECONDS
+    objects = loaded(sources, rate, seconds, None if options.quiet else _progress())
     summary = [_summary(name, each) for name, each in objects.items()]
     if not any(each.part.most for each in objects.values()):
         raise ValueError(f"there is nothing to show: {', '.join(summary)}")
@@ -258,38 +268,18 @@ def _say(options: argparse.Namespace, text: str) -> None:
         print(text, file=sys.stderr, flush=True)
 
 
-def _load(sources: list[Source], options: argparse.Namespace) -> dict[str, Loaded]:
-    progress = None if options.quiet else _Progress(sys.stderr.isatty())
-    try:
-        return loaded(
-            sources,
-            options.rate or RATE,
-            options.seconds or SECONDS,
-            progress,
-        )
-    finally:
-        if progress is not None:
-            progress.end()
+def _progress() -> Progress:
+    """Says on standard error how much is read, at every tenth."""
+    said = 0
 
+    def progress(path: Path, number: int, whole: int, share: float) -> None:
+        nonlocal said
+        if (tenths := int(10.0 * share)) > said:
+            text = f"reading {path}, file {number} of {whole}: {tenths}0% read"
+            print(text, file=sys.stderr, flush=True)
+            said = tenths
 
-class _Progress:
-    """Says on standard error how much is read: in one line of a terminal, or at every tenth."""
-
-    def __init__(self, is_terminal: bool) -> None:
-        self._is_terminal, self._tenths = is_terminal, 0
-
-    def __call__(self, path: Path, number: int, whole: int, share: float) -> None:
-        tenths = int(10.0 * share)
-        text = f"reading {path}, file {number} of {whole}"
-        if self._is_terminal:
-            print(f"\r{text}: {share:.0%}\x1b[K", end="", file=sys.stderr, flush=True)
-        elif tenths > self._tenths:
-            print(f"{text}: {tenths}0% read", file=sys.stderr, flush=True)
-        self._tenths = tenths
-
-    def end(self) -> None:
-        if self._is_terminal:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+    return progress
 
 
 def _cameras(first: Source, given: Path | None) -> tuple[list[Camera], str]:
@@ -309,17 +299,15 @@ def _beginning(
     taken: list[Camera], where: str, scene: Scene, size: tuple[int, int]
 ) -> tuple[list[Pose], Intrinsics, str]:
     """Where cameras are, the lens of the first, and where that is and why, in words."""
-    lens = lens_for(*size, scene.parts.values())
     if taken:
         camera = taken[0]
         why = (
             f"at {_point(camera.pose.position)}, where {camera.name} was taken:"
             f" the first of {len(taken)} cameras of {where}"
         )
-        lens = lens_of(camera, *size, lens.far)
-        reached = reaching(lens, camera.pose.position, scene.bounds)
-        return [each.pose for each in taken], reached, why
-    pose, lens = before(scene, lens, *size)
+        lens = reaching(lens_of(camera, *size), camera.pose.position, scene.bounds)
+        return [each.pose for each in taken], lens, why
+    pose, lens = before(scene, *size)
     why = (
         f"at {_point(pose.position)} and looks along +z, with the middle of the scene in view:"
         f" {where}"
@@ -344,12 +332,6 @@ def _summary(name: str, object_: Loaded) -> str:
 
 def _point(point: Any) -> str:
     return f"({', '.join(f'{each:.4g}' for each in point)})"
-
-
-def _path(text: str) -> Path:
-    if not text:
-        raise argparse.ArgumentTypeError("'' names no file")
-    return Path(text)
 
 
 def _skips(text: str) -> Skip:

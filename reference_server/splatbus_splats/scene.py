@@ -7,7 +7,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
-from typing import Protocol
+from typing import Union
 
 from splatbus_wire.messages import Box
 
@@ -16,39 +16,6 @@ from splatbus_splats.gaussians import Gaussians
 
 SLACK = 1e-3
 """Of the time for which a file of a sequence is shown."""
-
-
-class Part(Protocol):
-    """One object of a scene, over time."""
-
-    @property
-    def most(self) -> int:
-        """How many Gaussians it has, at the most."""
-
-    @property
-    def degree(self) -> int:
-        """Of their harmonics, the highest."""
-
-    @property
-    def bounds(self) -> Box | None:
-        """The box of their centres over all times; None where there are none."""
-
-    @property
-    def last(self) -> float:
-        """When its last change is, seconds from its first; 0 where it does not change."""
-
-    @property
-    def loop(self) -> float:
-        """After how many seconds it begins anew where it is played."""
-
-    def moment(self, time: float) -> Hashable:
-        """What is the same wherever it looks the same, by a second of the scene."""
-
-    def lasts(self, time: float) -> float:
-        """For how many seconds from one of the scene on it looks the same."""
-
-    def at(self, time: float) -> Gaussians:
-        """The Gaussians at a second of the scene; the same object while they do not change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +52,7 @@ class Frames:
 
     @property
     def last(self) -> float:
-        """When the last one comes, seconds."""
+        """When the last one comes, seconds; 0 where there is one."""
         return self.times[-1]
 
     @property
@@ -94,14 +61,14 @@ class Frames:
         return len(self.files) / self.rate if len(self.files) > 1 else 0.0
 
     def moment(self, time: float) -> int:
-        """Which file is shown, counted from 0.
+        """Which file is shown, counted from 0: the same wherever it looks the same.
 
         From a thousandth before its time on: clients count in float32, or add up their steps.
         """
         return max(0, bisect_right(self.times, time + SLACK / self.rate) - 1)
 
     def lasts(self, time: float) -> float:
-        """Until the next file comes."""
+        """For how many seconds: until the next file comes."""
         following = self.moment(time) + 1
         return self.times[following] - time if following < len(self.times) else math.inf
 
@@ -146,11 +113,11 @@ class Clip:
 
     @property
     def loop(self) -> float:
-        """Its length, seconds."""
+        """After how many seconds it begins anew where it is played: its length."""
         return self.seconds
 
     def moment(self, time: float) -> float:
-        """Of the clip, from 0 to 1."""
+        """Of the clip, from 0 to 1: the same wherever it looks the same."""
         return min(max(time / self.seconds, 0.0), 1.0)
 
     def lasts(self, time: float) -> float:
@@ -165,6 +132,10 @@ class Clip:
     def _moved(self) -> Callable[[float], Gaussians]:
         """Keeps what was asked for last: cameras go round a scene whose time stands still."""
         return lru_cache(maxsize=1)(partial(moved, self.gaussians, self.motion))
+
+
+Part = Union[Frames, Clip]
+"""One object of a scene, over time: what is the same at two times is the same object at both."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,11 +159,6 @@ class Scene:
     def bounds(self) -> Box | None:
         """The box of all centres, over all times, where no object is moved."""
         return enclosing(*(each.bounds for each in self.parts.values()))
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """How many Gaussians each object has, at the most."""
-        return {name: each.most for name, each in self.parts.items()}
 
     def moment(self, time: float | None) -> Hashable:
         """What is the same wherever all looks the same; cheap, where `at` may not be."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from typing import Protocol
 
 from splatbus_server.api import Bus
@@ -13,6 +13,7 @@ from splatbus_server.view import View
 from splatbus_wire.semantics import Semantics
 
 from splatbus_splats.gaussians import Gaussians
+from splatbus_splats.scene import Scene
 
 SEMANTICS = Semantics(alpha="premultiplied", depth_estimator="harmonic")
 """What the numbers of images mean, whatever draws them."""
@@ -22,27 +23,6 @@ IDLE_SECONDS, PLAYING_SECONDS = 0.1, 0.005
 """How long to wait for a client to want something at the most; and, of what plays, at the least."""
 REST_SECONDS = 0.1
 """After how long a camera rests, and its image is drawn with all pixels."""
-
-
-class Scene(Protocol):
-    """Objects by their ids, which may be others from time to time."""
-
-    @property
-    def time_range(self) -> tuple[float, float] | None:
-        """First and last second; None where nothing changes."""
-
-    @property
-    def loop(self) -> float:
-        """After how many seconds it begins anew where it is played."""
-
-    def moment(self, time: float | None) -> Hashable:
-        """What is the same wherever all looks the same."""
-
-    def lasts(self, playing: float) -> float:
-        """For how many seconds all looks the same, where it has played for some."""
-
-    def at(self, time: float | None) -> Mapping[str, Gaussians]:
-        """The objects at a second; each the same as before where it has not changed."""
 
 
 class Drawing(Protocol):

@@ -48,21 +48,6 @@ def fuzz(
     executions: int | None = None,
     seed: int = 0,
     traces: bool = True,
-) -> Fuzzed:
-    """Runs a target for a time, or so often, and makes short what it fails with; see `search`."""
-    result = search(name, seconds=seconds, executions=executions, seed=seed, traces=traces)
-    run = TARGETS[name].run
-    result.faults = {told: shortest(run, data) for told, data in result.faults.items()}
-    return result
-
-
-def search(
-    name: str,
-    *,
-    seconds: float | None = None,
-    executions: int | None = None,
-    seed: int = 0,
-    traces: bool = True,
     most_faults: int = MOST_FAULTS,
 ) -> Fuzzed:
     """Runs a target for a time, or so often; the same seed and number make the same inputs.

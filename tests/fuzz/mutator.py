@@ -37,6 +37,7 @@ VALUES = [
     ),
     *(b'{"a":1,"a":2}', b'"' + b"a" * 70 + b'"', b'"' + "ü€😀".encode() + b'"'),
 ]
+NUMBER = re.compile(rb"[0-9]+")
 VALUE = re.compile(rb'"(?:[^"\\]|\\.)*"|-?[0-9][0-9.eE+-]*|true|false|null')
 
 
@@ -104,16 +105,13 @@ class Mutator:
 
     def _with_another_number(self, data: bytes, at: int) -> bytes:
         """The next number in the text, a little or much different."""
-        begins = next((n for n in range(at, len(data)) if 48 <= data[n] <= 57), None)
-        if begins is None:
+        found = NUMBER.search(data, at)
+        if found is None:
             return data
-        ends = begins
-        while ends < len(data) and 48 <= data[ends] <= 57:
-            ends += 1
-        value = int(data[begins : min(ends, begins + 18)])
+        value = int(found[0][:18])
         draw = self._random
         value = draw.choice((value + 1, value - 1, value * 10, -value, value * 2**32, 0))
-        return data[:begins] + str(value).encode() + data[ends:]
+        return data[: found.start()] + str(value).encode() + data[found.end() :]
 
     def _with_parts_moved(self, data: bytes) -> bytes:
         """Steps, lines or members in another order, or one of them left out or doubled."""

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.fuzz import corpus
-from tests.fuzz.loop import Fuzzed, fuzz
+from tests.fuzz.loop import Fuzzed, fuzz, shortest
 from tests.fuzz.reach import Reach
 from tests.fuzz.targets import TARGETS
 from tests.simulation.run import ROOT, commit
@@ -85,6 +85,8 @@ def main(words: list[str]) -> int:
         started = {pool.submit(each, name): name for name in names}
         for done in as_completed(started):
             name, result = started[done], done.result()
+            run, found = TARGETS[name].run, result.faults.items()
+            result.faults = {where: shortest(run, data) for where, data in found}
             results[name] = result
             told = f"{result.executions:,} runs, {result.size:,} bytes, {result.reached} reached"
             print(f"{name}: {told}, {len(result.kept)} kept", flush=True)

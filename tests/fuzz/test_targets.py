@@ -14,8 +14,7 @@ import splatbus_wire.json_text
 import splatbus_wire.plain_poses
 
 from tests.fuzz import corpus
-from tests.fuzz.loop import fuzz, search, shortest
-from tests.fuzz.reach import Reach
+from tests.fuzz.loop import fuzz
 from tests.fuzz.targets import TARGETS
 
 EXECUTIONS = {"recorded": 500, "reported": 500, "scripted": 500}
@@ -27,14 +26,9 @@ MOST_BYTES = 300_000
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_no_reader_fails_in_a_way_of_its_own(name: str) -> None:
+    """What was found before is among what a target begins with."""
     result = fuzz(name, executions=EXECUTIONS.get(name, USUAL), traces=False)
     assert not result.faults, result.faults
-
-
-@pytest.mark.parametrize("name", TARGETS)
-def test_what_was_found_is_read_as_before(name: str) -> None:
-    for data in corpus.found(name):
-        TARGETS[name].run(data)
 
 
 def test_the_corpus_is_small() -> None:
@@ -63,26 +57,5 @@ PLANTED = {
 def test_a_fault_is_found(what: str) -> None:
     name, module, attribute, broken = PLANTED[what]
     with mock.patch.object(module, attribute, broken):
-        tries = (search(name, executions=2000, seed=seed, most_faults=1) for seed in range(20))
+        tries = (fuzz(name, executions=2000, seed=seed, most_faults=1) for seed in range(20))
         assert any(found.faults for found in tries)
-
-
-def test_the_same_seed_makes_the_same_inputs() -> None:
-    first, again = (fuzz("client-on-ipc", executions=1200) for _ in range(2))
-    assert (first.size, first.kept) == (again.size, again.kept)
-    assert fuzz("client-on-ipc", executions=1200, seed=1).size != first.size
-
-
-def test_a_fault_is_made_short() -> None:
-    def run(data: bytes) -> None:
-        if b"ab" in data and b"c" in data:
-            raise KeyError
-
-    assert shortest(run, b"xxxabyyyyycz" * 3) in (b"abc", b"cab")
-
-
-def test_only_what_was_not_reached_before_counts() -> None:
-    reach = Reach(TARGETS["client-on-ipc"])
-    assert reach.run(b"{}")
-    assert not reach.run(b"{}")
-    assert reach.run(b'{"type":"opened","generation":1}')

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 from splatbus_server.cuda.driver import Device
 from splatbus_server.cuda.kernels import Compiler
 from splatbus_wire.semantics import Semantics
 
-from tests.gpu.images import BOTH, FORMATS, OnDevice, drawn, memory
+from tests.gpu.images import BOTH, FORMATS, OnDevice, arrays_of, memory
 
 
 def main() -> None:
@@ -16,16 +15,8 @@ def main() -> None:
     with device.current():
         for count, format in enumerate(FORMATS):
             size = [(7, 5), (1, 1), (257, 3), (1025, 2)][count % 4]
-            color, depth, alpha = drawn(size)
-            color = color[..., : format["channels"]]
-            if format["layout"] == "CHW":
-                color = color.transpose(2, 0, 1)
-            with np.errstate(over="ignore"):
-                arrays = [
-                    OnDevice(color.astype(format["color"])),
-                    OnDevice(depth.astype(format["plane"])),
-                    OnDevice(alpha.astype(format["plane"])) if format["alpha"] else None,
-                ]
+            given = arrays_of(format, size)
+            arrays = [None if each is None else OnDevice(each) for each in given]
             ours = memory(size, device, compiler, Semantics(alpha=format["meaning"]))
             write = ours.writer(*arrays, format["kind"], None)
             for slot, wants in enumerate((BOTH | {"legacy"}, {"color"}, {"depth"})):

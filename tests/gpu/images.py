@@ -85,14 +85,28 @@ FORMATS = [
 def drawn(
     size: tuple[int, int], seed: int = 0, special: float = 0.1
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """RGBA, depth and alpha (H, W, …) float32, some of them of the kinds that go wrong."""
+    """RGBA, depth of any magnitude and alpha (H, W, …) float32, some of the kinds that go wrong."""
     random = np.random.default_rng(seed)
     width, height = size
     color = random.uniform(-0.2, 1.2, (height, width, 4)).astype(np.float32)
-    depth = random.uniform(0.1, 10.0, (height, width)).astype(np.float32)
-    alpha = random.uniform(0.0, 1.0, (height, width)).astype(np.float32)
+    depth = (10.0 ** random.normal(0.0, 12.0, (height, width))).clip(0, 3e38).astype(np.float32)
+    alpha = (10.0 ** random.uniform(-2.6, 0.0, (height, width))).astype(np.float32)
     odd = [np.nan, np.inf, -np.inf, 0.0, -0.0, -1.0, 1e-45, 3e38, 1e-38, 1.0 / 255.0, 6e4]
     for array in (color, depth, alpha):
         chosen = random.random(array.shape) < special
         array[chosen] = random.choice(odd, int(chosen.sum()))
     return color, depth, alpha
+
+
+def arrays_of(format: dict[str, Any], size: tuple[int, int]) -> tuple[Any, Any, Any]:
+    """An image in one of `FORMATS`: colour, depth, and alpha if it has one beside the colour."""
+    color, depth, alpha = drawn(size)
+    color = color[..., : format["channels"]]
+    if format["layout"] == "CHW":
+        color = color.transpose(2, 0, 1)
+    with np.errstate(over="ignore"):
+        return (
+            np.ascontiguousarray(color, format["color"]),
+            depth.astype(format["plane"]),
+            alpha.astype(format["plane"]) if format["alpha"] else None,
+        )

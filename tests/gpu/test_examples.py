@@ -16,16 +16,14 @@ import pytest
 from splatbus_client import Session, connect
 from splatbus_conformance.wire.ports import free_port
 from splatbus_splats.drawing import gpu
-from splatbus_splats.drawing.definition import Image, placed
-from splatbus_splats.drawing.renderer import rendered
+from splatbus_splats.drawing.definition import Image
 from splatbus_splats.files import ply
 from splatbus_splats.gaussians import Gaussians
-from splatbus_splats.made import made
 from splatbus_wire.poses import Pose
 
 from tests.gpu import require_gpu
 from tests.gpu.looking import looked
-from tests.splats.shots import view_of
+from tests.splats.shots import cloud, drawn, view_of
 
 require_gpu()
 if reason := gpu.why_not():
@@ -36,7 +34,7 @@ EXAMPLES = ROOT / "reference_server" / "examples"
 THREE_DGS = Path(__file__).with_name("three_dgs")
 SIZE = (1280, 720)
 CAMERA = Pose((0.3, -0.2, -0.5), (0.0, 0.1, 0.05, 0.99))
-SCENE = made(30_000)
+SCENE = cloud(30_000)
 
 
 @pytest.fixture(scope="module")
@@ -61,8 +59,7 @@ def running(example: str, file: Path, *modules: Path) -> Iterator[Session]:
 
 
 def right(scene: Gaussians = SCENE) -> Image:
-    view = view_of(CAMERA, size=SIZE)
-    return rendered(placed(view, {"default": scene}), view.intrinsics, *SIZE, 8)
+    return drawn(view_of(CAMERA, size=SIZE), {"default": scene}, threads=8)
 
 
 def decibels(color: np.ndarray, exact: np.ndarray) -> float:

@@ -2,44 +2,38 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from splatbus_client import Session, connect
-from splatbus_server.view import Intrinsics, View
+from splatbus_client import connect
+from splatbus_server.view import Intrinsics, View, field_of_view
 from splatbus_splats.drawing import gpu
-from splatbus_splats.drawing.definition import Image, placed
-from splatbus_splats.drawing.renderer import rendered
-from splatbus_splats.gaussians import Gaussians
-from splatbus_splats.made import made
+from splatbus_splats.drawing.definition import Image
+from splatbus_splats.files import ply
+from splatbus_splats.gaussians import Gaussians, along_curve
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.gpu import require_gpu
 from tests.gpu.looking import looked
-from tests.splats.shots import some, view_of
+from tests.splats.served import serving
+from tests.splats.shots import UNTURNED, cloud, drawn, some, view_of
 
 require_gpu()
 if reason := gpu.why_not():
     pytest.skip(reason, allow_module_level=True)
 
-from tests.gpu.splats_server import FAR_AWAY, SCENES, SIZE  # noqa: E402
-
-ROOT = Path(__file__).parents[2]
+SIZE = (640, 480)
 ALIKE = 50.0
 """dB: a root mean square of 0.8/255."""
 DEPTH = 1e-4
 """Relative, of 99 of a hundred pixels."""
-
-
-def by_processor(view: View, objects: Mapping[str, Gaussians]) -> Image:
-    return rendered(placed(view, objects), view.intrinsics, view.width, view.height, threads=8)
+FRONT = view_of(size=SIZE)
+AWAY = (1e6, -2e6, 5e5)
+FAR_AWAY = Pose((0.3, -0.2, -0.5), (0.0, 0.1, 0.05, 0.99))
 
 
 def agree(color: np.ndarray, inverse: np.ndarray, right: Image, within: float = DEPTH) -> None:
@@ -58,59 +52,52 @@ def agree(color: np.ndarray, inverse: np.ndarray, right: Image, within: float = 
     assert np.quantile(depth, 0.99) <= within
 
 
-def compare(view: View, objects: Mapping[str, Gaussians], within: float = DEPTH) -> None:
-    image = gpu.Renderer()(view, objects)
-    rgb, alpha, inverse = (each.cpu().numpy() for each in image)
-    agree(np.concatenate((rgb, alpha), axis=-1), inverse, by_processor(view, objects), within)
+def amid(*turn: float) -> View:
+    x, y, z, w = turn
+    return view_of(Pose((0.1, 0.3, 3.3), (x, y, z, w)), size=SIZE)
 
 
-@pytest.mark.parametrize(
-    ("count", "degree"), [(10_000, 0), (10_000, 1), (100_000, 2), (100_000, 3)]
+PLACED = view_of(
+    Pose((0.2, -0.3, -1), (0, 0.1, 0, 1)),
+    Placement("default", Pose((0, 0, 0.5), (0, 0.3, 0, 0.95)), 0.7),
+    Placement("other", Pose((1, -1, 9), (0.5, 0.5, 0.5, 0.5)), 1.8),
+    Placement("nothing", IDENTITY),
+    size=SIZE,
 )
-def test_made_scenes(count: int, degree: int) -> None:
-    compare(view_of(size=SIZE), {"default": made(count, degree)})
+SHIFTED = replace(cloud(50_000), means=cloud(50_000).means + np.float32((1e6, -1e6, 1e6)))
+"""Where single precision has steps of 0.06 units, and the camera is between two of them."""
+THIN = np.tile(np.array((0.3, 0.002, 0.002), np.float32), (10_000, 1))
+"""As long as gsplat's single precision bears: SPLATS.md has what becomes of longer ones."""
+CASES: dict[str, tuple[View, Mapping[str, Gaussians]]] = {
+    **{f"degree {i}": (FRONT, {"default": cloud(10_000 if i < 2 else 100_000, i)})
+       for i in range(4)},
+    "amid": (amid(0, 0.7, 0.1, 0.7), {"default": cloud(100_000)}),
+    "amid, otherwise": (amid(0.5, 0.5, -0.5, 0.5), {"default": cloud(100_000)}),
+    "several objects": (PLACED, {"default": cloud(50_000), "other": cloud(30_000, 1, seed=5),
+                                 "nothing": cloud(1)[:0]}),
+    "far from the origin": (
+        view_of(Pose(AWAY, (0, 0.1, 0, 1)), Placement("default", Pose(AWAY, UNTURNED)), size=SIZE),
+        {"default": cloud(50_000)},
+    ),
+    "stored far from the origin": (
+        view_of(Pose((1e6 + 0.021, -1e6 - 0.023, 1e6 + 0.027), UNTURNED), size=SIZE),
+        {"default": SHIFTED},
+    ),
+    "needles": (FRONT, {"default": replace(cloud(10_000), scales=THIN)}),
+    "a lens whose middle is elsewhere": (
+        view_of(size=SIZE, intrinsics=Intrinsics(300.0, 500.0, 71.3, 458.9, 1.0, 12.0)),
+        {"default": cloud(50_000)},
+    ),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("turn", [(0, 0, 0, 1), (0, 0.7, 0.1, 0.7), (0.5, 0.5, -0.5, 0.5)])
-def test_a_camera_amid_the_scene(turn: tuple[float, float, float, float]) -> None:
-    compare(view_of(Pose((0.1, 0.3, 3.3), turn), size=SIZE), {"default": made(100_000)})
-
-
-def test_several_objects_each_with_its_pose_and_scale() -> None:
-    placements = (
-        Placement("default", Pose((0, 0, 0.5), (0, 0.3, 0, 0.95)), 0.7),
-        Placement("other", Pose((1, -1, 9), (0.5, 0.5, 0.5, 0.5)), 1.8),
-        Placement("nothing", IDENTITY),
-    )
-    view = view_of(Pose((0.2, -0.3, -1), (0, 0.1, 0, 1)), *placements, size=SIZE)
-    objects = {"default": made(50_000), "other": made(30_000, 1, seed=5), "nothing": made(1)[:0]}
-    compare(view, objects)
-
-
-def test_an_object_a_million_units_from_the_origin() -> None:
-    at, turn = (1e6, -2e6, 5e5), (0, 0.1, 0, 1)
-    placement = Placement("default", Pose(at, (0, 0, 0, 1)))
-    compare(view_of(Pose(at, turn), placement, size=SIZE), {"default": made(50_000)})
-
-
-def test_gaussians_that_were_stored_a_million_units_from_the_origin() -> None:
-    """Where single precision has steps of 0.06 units, and the camera is between two of them."""
-    shift = np.array((1e6, -1e6, 1e6), np.float32)
-    scene = made(50_000)
-    moved = replace(scene, means=scene.means + shift)
-    camera = (1e6 + 0.021, -1e6 - 0.023, 1e6 + 0.027)
-    compare(view_of(Pose(camera, (0, 0, 0, 1)), size=SIZE), {"default": moved})
-
-
-def test_needles() -> None:
-    """As long as gsplat's single precision bears: SPLATS.md has what becomes of longer ones."""
-    thin = np.tile(np.array((0.3, 0.002, 0.002), np.float32), (10_000, 1))
-    compare(view_of(size=SIZE), {"default": replace(made(10_000), scales=thin)}, within=1e-3)
-
-
-def test_a_lens_whose_middle_is_elsewhere_between_planes() -> None:
-    lens = Intrinsics(300.0, 500.0, 71.3, 458.9, 1.0, 12.0)
-    compare(view_of(size=SIZE, intrinsics=lens), {"default": made(50_000)})
+@pytest.mark.parametrize("name", CASES)
+def test_a_picture_is_the_processors(name: str) -> None:
+    image = gpu.Renderer()(*CASES[name])
+    rgb, alpha, inverse = (each.cpu().numpy() for each in image)
+    right = drawn(*CASES[name], threads=8)
+    within = 1e-3 if name == "needles" else DEPTH
+    agree(np.concatenate((rgb, alpha), axis=-1), inverse, right, within)
 
 
 def test_an_image_of_nothing_is_empty() -> None:
@@ -125,7 +112,7 @@ def test_gaussians_are_brought_to_the_gpu_once_and_make_room_for_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(gpu, "MOST_KEPT", 3 * 1000 * 59 * 4)
-    draw, scenes = gpu.Renderer(), [made(1000, seed=seed) for seed in range(5)]
+    draw, scenes = gpu.Renderer(), [cloud(1000, seed=seed) for seed in range(5)]
     draw(view_of(), {"default": scenes[0]})
     kept = draw._kept[scenes[0]]
     for each in scenes[1:3]:
@@ -139,22 +126,16 @@ def test_gaussians_are_brought_to_the_gpu_once_and_make_room_for_others(
     assert set(draw._kept) == {scenes[0]}
 
 
-@contextmanager
-def served() -> Iterator[Session]:
-    command = [sys.executable, "-m", "tests.gpu.splats_server"]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as server:
-        assert server.stdout
-        ports = [int(word) for word in server.stdout.readline().split()]
-        try:
-            with connect("127.0.0.1", *ports) as session:
-                yield session
-        finally:
-            server.kill()
-
-
-def test_a_client_reads_what_was_drawn() -> None:
-    view = view_of(FAR_AWAY, size=SIZE)
-    with served() as session:
-        for number, scene in enumerate(SCENES):
+def test_a_client_of_the_command_reads_what_was_drawn(tmp_path: Path) -> None:
+    scenes = [along_curve(cloud(20_000, seed=seed)) for seed in (1, 2)]
+    for number, scene in enumerate(scenes):
+        ply.write(tmp_path / f"{number}.ply", scene)
+    lens = field_of_view(*SIZE)
+    view = view_of(FAR_AWAY, size=SIZE, intrinsics=lens._replace(far=1e3))
+    with (
+        serving(tmp_path, "--rate", "1") as server,
+        connect("127.0.0.1", *server.ports) as session,
+    ):
+        for number, scene in enumerate(scenes):
             color, depth, _ = looked(session, FAR_AWAY, float(number))
-            agree(color, color[..., 3] / depth, by_processor(view, {"default": scene}))
+            agree(color, color[..., 3] / depth, drawn(view, {"default": scene}))

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import sys
-import threading
 import types
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from splatbus_client import Session, connect
-from splatbus_server import serve
-from splatbus_server.api import Bus
-from splatbus_server.view import Intrinsics, View
+from splatbus_server.view import Intrinsics
 from splatbus_splats.drawing import gpu
-from splatbus_splats.serving import SEMANTICS, render_until
 from splatbus_wire.messages import Placement
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import quaternion_from_matrix, rotation_matrix
 
-from tests.gpu.looking import looked
 from tests.splats.shots import view_of
 
 EXAMPLES = Path(__file__).parents[2] / "reference_server" / "examples"
@@ -46,13 +38,6 @@ VIEW = view_of(
 def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gpu, "_is_installed", lambda module: module != missing)
     assert gpu.why_not() == gpu.NEEDS[missing]
-    assert "is not installed" in gpu.NEEDS[missing]
-
-
-@pytest.mark.parametrize("module", ["nothing", "nothing.at.all", "splatbus_splats.nothing"])
-def test_what_is_not_there_is_not_installed(module: str) -> None:
-    assert gpu._is_installed("splatbus_splats.drawing.gpu")
-    assert not gpu._is_installed(module)
 
 
 @pytest.mark.parametrize(
@@ -86,85 +71,6 @@ def test_quaternions_turn_into_the_cameras_axes() -> None:
     right = quaternion_from_matrix(tuple((turn @ np.reshape(rotation_matrix(own), (3, 3))).flat))
     found = np.array((x, y, z, w)) / np.linalg.norm((x, y, z, w))
     np.testing.assert_allclose(abs(found @ right), 1.0, atol=1e-12)
-
-
-class Painter:
-    """Stands for what draws: each scene has a shade of its own."""
-
-    milliseconds = 0.0
-
-    def show(
-        self,
-        bus: Bus,
-        view: View,
-        objects: Mapping[str, Any],
-        time: float | None,
-        *,
-        is_moving: bool,
-    ) -> bool:
-        shape = view.height, view.width
-        shade = np.full((*shape, 3), objects["default"], np.float32)
-        bus.publish(view, shade, np.full(shape, 2.0, np.float32), time=time)
-        return False
-
-
-class Shades:
-    """A scene of two seconds, each of another shade."""
-
-    loop = 2.0
-
-    def __init__(self, time_range: tuple[float, float] | None) -> None:
-        self.time_range = time_range
-
-    def moment(self, time: float | None) -> int:
-        return int(time or 0.0)
-
-    def lasts(self, playing: float) -> float:
-        return 1.0 - playing % 1.0
-
-    def at(self, time: float | None) -> Mapping[str, Any]:
-        return {"default": (0.25, 0.75)[self.moment(time)]}
-
-
-@contextmanager
-def shown(scene: Any) -> Iterator[Session]:
-    stop = threading.Event()
-    options = {"time_range": scene.time_range, "semantics": SEMANTICS}
-    with serve(64, 48, ipc_port=0, message_port=0, **options) as bus:
-        thread = threading.Thread(target=render_until, args=(stop, bus, scene, Painter()))
-        thread.start()
-        try:
-            with connect("127.0.0.1", *bus.address[1:]) as session:
-                yield session
-        finally:
-            stop.set()
-            thread.join()
-
-
-def test_a_scene_in_time_plays_by_itself_until_a_client_sets_the_time() -> None:
-    with shown(Shades((0.0, 1.5))) as session:
-        shades = set()
-        while len(shades) < 2:
-            with session.next_frame(60.0) as frame:
-                assert 0.0 <= frame.time <= 1.5
-                assert frame.color[0, 0, 0] == (0.25, 0.75)[int(frame.time)]
-                shades.add(frame.color[0, 0, 0])
-        for number, seconds in enumerate((1.25, 0.25, 1.0)):
-            picture = looked(session, Pose((number, 0, 0), (0, 0, 0, 1)), seconds)
-            assert picture.color[0, 0].tolist() == [(0.25, 0.75)[int(seconds)]] * 3 + [1.0]
-            assert picture.depth[0, 0] == 2.0
-            picture = looked(session, Pose((number, 1, 0), (0, 0, 0, 1)))
-            assert picture.time == seconds, "it plays on although a client has set the time"
-        with pytest.raises(TimeoutError):
-            session.next_frame(1.2)  # in which it would have become another one
-
-
-def test_a_scene_without_time_is_drawn_for_each_camera() -> None:
-    with shown(Shades(None)) as session:
-        for number in range(3):
-            picture = looked(session, Pose((number, 0, 0), (0, 0, 0, 1)))
-            assert picture.time == 0.0
-            assert picture.color[0, 0, 0] == 0.25
 
 
 @pytest.fixture

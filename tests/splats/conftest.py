@@ -4,12 +4,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from splatbus_splats.drawing.definition import placed
 from splatbus_splats.drawing.kernels import compiled
-from splatbus_splats.drawing.renderer import rendered
-from splatbus_splats.made import made
 
-from tests.splats.shots import view_of
+from tests.splats.shots import cloud, drawn, view_of
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +18,6 @@ def loops() -> None:
         return
     import fcntl
 
-    view = view_of()
     with Path(compiled.__file__).open("rb") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)  # until it is closed
-        rendered(placed(view, {"default": made(100)}), view.intrinsics, view.width, view.height)
+        drawn(view_of(), {"default": cloud(100)})

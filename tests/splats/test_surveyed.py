@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,64 +13,42 @@ from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.pinhole import camera_of
 from splatbus_conformance.images.reprojection import DEPTHS, MOMENTS, POSES, QUATERNIONS, ROWS
 from splatbus_conformance.trials.moves.survey import SurveyShot, moves, weigh
-from splatbus_splats.beginning import lens_for, lens_of
-from splatbus_splats.drawing.definition import placed
-from splatbus_splats.drawing.renderer import rendered
-from splatbus_splats.files.cameras import read_cameras
-from splatbus_splats.made import garden
-from splatbus_splats.made.garden import VIEWS
-from splatbus_splats.made.views import cameras
+from splatbus_server.view import field_of_view
+from splatbus_splats.beginning import reaching
+from splatbus_splats.made import garden, poses
 from splatbus_splats.scene import Frames, Scene
-from splatbus_wire import poses
+from splatbus_wire.poses import Pose as WirePose
 
-from tests.splats.shots import view_of
+from tests.splats.shots import drawn, view_of
 
 pytestmark = pytest.mark.usefixtures("loops")
 SIZE = 160, 120
-Spoil = Callable[[Any, Any, Any], None]
-"""Changes colour, depth, given the camera."""
 EVERY = (QUATERNIONS, POSES, ROWS, DEPTHS, MOMENTS)
+Spoil = Callable[[Any, Any, Any], tuple[Any, Any]]
+"""What a renderer may have done to colour and depth."""
 
 
 def shot(scene: Scene, camera: Pose, lens: Any, spoil: Spoil) -> SurveyShot:
-    """The image of a camera, with what a renderer may have done to it."""
-    view = view_of(poses.Pose(*camera), size=SIZE, intrinsics=lens)
-    image = rendered(placed(view, scene.at(None)), view.intrinsics, *SIZE)
+    """The image of a camera."""
+    image = drawn(view_of(WirePose(*camera), size=SIZE, intrinsics=lens), scene.at(None))
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = np.where(image.inverse > 0, image.color[..., 3] / image.inverse, np.inf)
-    color = np.array(image.color)
-    depth = depth.astype(np.float32)
+        color, depth = spoil(image.color, depth.astype(np.float32), lens)
     named = {"position": list(camera.position), "rotation": list(camera.rotation)}
     size = {"width": SIZE[0], "height": SIZE[1]}
     frame = {"camera": {**named, **lens._asdict(), **size}}
     told = camera_of(frame)
     assert told is not None
-    spoil(color, depth, told)
     return SurveyShot(camera, CapturedFrame(frame, told, color, depth, {}))
 
 
-def rightly(color: Any, depth: Any, camera: Any) -> None: ...
+def rightly(color: Any, depth: Any, _: Any) -> tuple[Any, Any]:
+    return color, depth
 
 
-def top_down(color: Any, depth: Any, camera: Any) -> None:
-    color[:], depth[:] = color[::-1].copy(), depth[::-1].copy()
-
-
-def mirrored(color: Any, depth: Any, camera: Any) -> None:
-    color[:], depth[:] = color[:, ::-1].copy(), depth[:, ::-1].copy()
-
-
-def depth_flipped(color: Any, depth: Any, camera: Any) -> None:
-    depth[:] = depth[::-1].copy()
-
-
-def z_buffer(color: Any, depth: Any, camera: Any) -> None:
-    near, far = camera.near, camera.far
-    depth[:] = far / (far - near) * (1.0 - near / depth.astype(np.float64))
-
-
-def centimetres(color: Any, depth: Any, camera: Any) -> None:
-    depth[:] *= 100.0
+def z_buffer(color: Any, depth: Any, lens: Any) -> tuple[Any, Any]:
+    scaled = lens.far / (lens.far - lens.near) * (1.0 - lens.near / depth.astype(np.float64))
+    return color, scaled.astype(np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -84,20 +60,18 @@ def scene() -> Scene:
     ("spoil", "broken", "words"),
     [
         (rightly, None, ""),
-        (top_down, ROWS, "rows stored top-down or"),
-        (mirrored, ROWS, "columns stored from right to left"),
-        (depth_flipped, ROWS, "rows stored top-down, of depth alone:"),
+        (lambda c, d, _: (c[::-1], d[::-1]), ROWS, "rows stored top-down or"),
+        (lambda c, d, _: (c[:, ::-1], d[:, ::-1]), ROWS, "columns stored from right to left"),
+        (lambda c, d, _: (c, d[::-1]), ROWS, "rows stored top-down, of depth alone:"),
         (z_buffer, DEPTHS, "values of a z-buffer, from 0 at near to 1 at far"),
-        (centimetres, DEPTHS, "depths of which 100 make a scene unit"),
+        (lambda c, d, _: (c, d * 100), DEPTHS, "depths of which 100 make a scene unit"),
     ],
 )
 def test_what_is_wrong_with_images_of_a_garden_is_named_and_nothing_else(
-    scene: Scene, spoil: Spoil, broken: Any, words: str, tmp_path: Path
+    scene: Scene, spoil: Spoil, broken: Any, words: str
 ) -> None:
-    (tmp_path / "cameras.json").write_text(json.dumps(cameras(VIEWS)), "utf-8")
-    begin = read_cameras(tmp_path / "cameras.json")[0]
-    lens = lens_of(begin, *SIZE, lens_for(*SIZE, scene.parts.values()).far)
-    first = Pose(tuple(begin.pose.position), tuple(begin.pose.rotation))
+    first = Pose(*poses()[0])
+    lens = reaching(field_of_view(*SIZE), first.position, scene.bounds)
     around = moves(shot(scene, first, lens, rightly).photograph)
     taken = [shot(scene, each, lens, spoil) for each in (*around, first)]
     trial: Any = SimpleNamespace(

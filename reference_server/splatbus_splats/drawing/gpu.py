@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 from splatbus_server.api import Bus
 from splatbus_server.view import View
-from splatbus_wire.rotations import Quaternion
+from splatbus_wire.rotations import quaternion_from_matrix
 
 from splatbus_splats.drawing.definition import LOW_PASS, depths
 from splatbus_splats.gaussians import Gaussians
@@ -211,21 +211,7 @@ def _bytes(arrays: Sequence[Any]) -> int:
 
 def _turning(view: View) -> tuple[float, ...]:
     """The matrix by which a quaternion w, x, y, z is turned into the camera's axes, (4, 4)."""
-    x, y, z, w = _product(_inverse(view.poses.camera.rotation), view.placement.pose.rotation)
+    rows = (view.object_to_camera[:3, :3] / view.placement.scale).tolist()
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    x, y, z, w = quaternion_from_matrix((a, b, c, d, e, f, g, h, i))
     return (w, -x, -y, -z, x, w, -z, y, y, z, w, -x, z, -y, x, w)
-
-
-def _inverse(q: Quaternion) -> Quaternion:
-    x, y, z, w = q
-    return -x, -y, -z, w
-
-
-def _product(p: Quaternion, q: Quaternion) -> Quaternion:
-    a, b, c, d = p
-    x, y, z, w = q
-    return (
-        d * x + a * w + b * z - c * y,
-        d * y - a * z + b * w + c * x,
-        d * z + a * y - b * x + c * w,
-        d * w - a * x - b * y - c * z,
-    )

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from functools import partial
-from operator import le
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -32,8 +31,6 @@ PARTS = 3
 """Of the work for each thread, so that none waits long for another."""
 SLICES = (0.125, 0.25, 0.5)
 """Shares of the runs in view that are drawn before what is behind them is looked at."""
-HIDING = 1.0 / 16.0
-"""Share of tiles in which all has to be opaque for the next image to look for what is hidden."""
 CHANNELS = frozenset({"color", "depth"})
 
 
@@ -105,8 +102,7 @@ class Renderer:
         self._shown: _Shown | None = None
         self._objects: tuple[Placed, ...] = ()
         self._tiles = np.empty((0, 4), np.int64)
-        self._rooms: list[int] = []
-        self._runs, self._places = _runs((), ()), _places(0)
+        self._runs, self._places = _runs(()), _places(0)
         self._pixels, self._image = _pixels(0), _image(0, 0)
 
     def __enter__(self) -> Renderer:
@@ -154,26 +150,27 @@ class Renderer:
     def _drawn(self, objects: Sequence[Placed], shown: _Shown) -> Image:
         """The image at its full size; of the one before, what is the same is kept."""
         sizes = [len(each.gaussians) for each in objects]
-        has_room = len(sizes) == len(self._rooms) and all(map(le, sizes, self._rooms))
-        is_kept = Skip.TILES in self._skips and shown == self._shown and has_room
+        is_kept = (
+            Skip.TILES in self._skips
+            and shown == self._shown
+            and sizes == [len(each.gaussians) for each in self._objects]
+        )
         self._shown = None  # whatever fails from here on, nothing of it is kept
-        if not has_room:
-            is_as_many = len(sizes) == len(self._rooms)
-            self._rooms = list(map(max, sizes, self._rooms)) if is_as_many else sizes
-            self._places = _places(sum(self._rooms))
+        if len(self._places.z) < sum(sizes):
+            self._places = _places(sum(sizes))
         if self._image.inverse.shape != (shown.height, shown.width):
             self._pixels = _pixels(shown.across * shown.down)
             self._image = _image(shown.width, shown.height)
         former, tiles, before = self._runs, self._tiles, self._objects
-        self._runs, self._objects = _runs(sizes, self._rooms), tuple(objects)
+        self._runs, self._objects = _runs(sizes), tuple(objects)
         nearest, self._tiles = self._outlined(shown)
         is_due = np.full((shown.down, shown.across), not is_kept)
         if is_kept:
             is_same = np.array([_are_alike(*both) for both in zip(objects, before)], np.bool_)
-            stay, stayed = is_same[self._runs.owners], is_same[former.owners]
-            self._runs.is_done[stay] = former.is_done[stayed]
-            self._runs.counts[stay] = former.counts[stayed]
-            for left, right, top, bottom in (*tiles[~stayed], *self._tiles[~stay]):
+            stay = is_same[self._runs.owners]
+            self._runs.is_done[stay] = former.is_done[stay]
+            self._runs.counts[stay] = former.counts[stay]
+            for left, right, top, bottom in (*tiles[~stay], *self._tiles[~stay]):
                 is_due[top:bottom, left:right] = True
         if is_due.any():
             self._blend(shown, is_due, nearest)
@@ -208,8 +205,6 @@ class Renderer:
             is_near = runs.reaching(self._tiles, is_open) & (nearest < span[1])
             self._project(shown, is_near & ~self._runs.is_done)
             self._draw(shown, is_near, span, is_open.reshape(-1))
-        is_enough = np.count_nonzero(is_due & ~is_open) >= HIDING * np.count_nonzero(is_due)
-        self._hides = Skip.HIDDEN in self._skips and bool(is_enough)
         put = partial(blend.put, shown.across, is_due.reshape(-1), self._pixels.sums, *self._image)
         self._in_parts(tiles, put)
 
@@ -238,7 +233,7 @@ class Renderer:
             given = (*_arrays(placed.gaussians), turn, placed.eye, *lens, last)
             work = partial(project.project, *given)
             self._each(
-                partial(work, part, counts, np.empty(16, np.float32), *self._places)
+                partial(work, part, counts, *self._places)
                 for part in np.array_split(table[which & (owners == owner)], PARTS * self._threads)
                 if len(part)
             )
@@ -340,13 +335,13 @@ def _places(room: int) -> _Places:
     )
 
 
-def _runs(sizes: Sequence[int], rooms: Sequence[int]) -> _Runs:
-    """Of objects that have so many Gaussians, each with room for some more, none projected."""
+def _runs(sizes: Sequence[int]) -> _Runs:
+    """Of objects that have so many Gaussians, none projected."""
     each = [np.arange(0, size, runs.LENGTH) for size in sizes]
     owners = np.repeat(np.arange(len(sizes)), np.array([len(part) for part in each], np.int64))
     firsts = np.concatenate([np.empty(0, np.int64), *each])
     lasts = np.minimum(firsts + runs.LENGTH, np.array(sizes, np.int64)[owners])
-    begins = np.cumsum((0, *rooms))[owners] + firsts
+    begins = np.cumsum((0, *sizes))[owners] + firsts
     count = len(owners)
     table = np.stack((np.arange(count), firsts, lasts, begins), axis=1)
     return _Runs(table, owners, np.zeros(count, np.bool_), np.zeros(count, np.int64))

@@ -10,12 +10,12 @@ from collections.abc import Iterator
 from io import BufferedReader
 from itertools import islice
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats.files.header import ORDERS, TYPES, Element, Header
+from splatbus_splats.files.header import Element, Header
 
 Rows = NDArray[Any]
 
@@ -38,8 +38,8 @@ def found(file: BufferedReader, path: Path, header: Header, wanted: Element) -> 
         wanted: one of its elements.
 
     Raises:
-        ValueError: the file is too short for what its header claims, or a list has a length that
-            is none; the message says where.
+        ValueError: the file is too short for what its header claims, or the rows lie behind
+            binary lists; the message says where.
     """
     size, line = os.fstat(file.fileno()).st_size, header.lines
     for element in header.elements:
@@ -49,12 +49,12 @@ def found(file: BufferedReader, path: Path, header: Header, wanted: Element) -> 
             raise _cut_short(path, element, size)
         if element is wanted:
             return Place(begin, line)
-        if not header.order:
-            _skip_lines(file, path, element, size)
-        elif any(each.length for each in element.properties):
-            _skip_lists(file, path, header.order, element, size)
-        else:
+        if header.order and any(each.length for each in element.properties):
+            raise ValueError(f"{path}: lists of {element.name} lie before the {wanted.name} rows")
+        if header.order:
             file.seek(begin + least)
+        else:
+            _skip_lines(file, path, element, size)
         line += element.rows
     raise ValueError(f"{path}: it has no element {wanted.name}")
 
@@ -83,7 +83,7 @@ def pieces(
         return
     for start in range(0, element.rows, step):
         count = min(step, element.rows - start)
-        lines = [line.split() for line in islice(file, count)]
+        lines = [line.decode("utf-8", "replace") for line in islice(file, count)]
         if len(lines) < count:
             raise _cut_short(path, element, os.fstat(file.fileno()).st_size)
         yield _from_text(lines, dtype, f"{path}: line", place.line + start + 1)
@@ -102,17 +102,14 @@ def blocks(
         yield part
 
 
-def write(path: Path, rows: Rows, name: str = "vertex") -> None:
-    """Writes one element of numbers, binary, in the byte order that the rows have."""
-    dtype = np.dtype([(each, rows.dtype[each]) for each in rows.dtype.names or ()])  # no gaps
-    fields = {each: dtype[each].str for each in dtype.names or ()}
-    big = any(code.startswith(">") for code in fields.values())
-    format_ = next(each for each, sign in ORDERS.items() if sign == (">" if big else "<"))
-    lines = ["ply", f"format {format_} 1.0", f"element {name} {len(rows)}"]
-    lines += [f"property {TYPES[code[1:]][0]} {each}" for each, code in fields.items()]
+def write(path: Path, rows: Rows) -> None:
+    """Writes vertices of numbers in float32, little-endian."""
+    names = rows.dtype.names or ()
+    lines = ["ply", f"format binary_little_endian 1.0\nelement vertex {len(rows)}"]
+    lines += [f"property float {name}" for name in names]
     with path.open("wb") as file:
         file.write("".join(f"{line}\n" for line in (*lines, "end_header")).encode("ascii"))
-        rows.astype(dtype, copy=False).tofile(file)
+        rows.astype([(name, "<f4") for name in names], copy=False).tofile(file)
 
 
 def _least_bytes(order: str, element: Element) -> int:
@@ -135,53 +132,18 @@ def _skip_lines(file: BufferedReader, path: Path, element: Element, size: int) -
             raise _cut_short(path, element, size)
 
 
-def _skip_lists(file: BufferedReader, path: Path, order: str, element: Element, size: int) -> None:
-    sign: Literal["big", "little"] = "big" if order == ">" else "little"
-    for row in range(element.rows):
-        for each in element.properties:
-            length, item = 1, int(each.number[1])
-            if each.length:
-                read = file.read(int(each.length[1]))
-                if len(read) < int(each.length[1]):
-                    raise _cut_short(path, element, size)
-                length = int.from_bytes(read, sign, signed=each.length[0] == "i")
-                if length < 0:
-                    raise ValueError(
-                        f"{path}: {each.name} of row {row} of {element.name} has {length} items"
-                    )
-            file.seek(length * item, os.SEEK_CUR)
-    if file.tell() > size:
-        raise _cut_short(path, element, size)
-
-
-def _from_text(lines: list[list[bytes]], dtype: np.dtype[Any], where: str, first: int) -> Rows:
-    """Rows of words; `first` is the number of their first line."""
-    names = dtype.names or ()
-    for number, words in enumerate(lines, first):
-        if len(words) != len(names):
-            raise ValueError(f"{where} {number}: {len(words)} numbers, where {len(names)} belong")
+def _from_text(lines: list[str], dtype: np.dtype[Any], where: str, first: int) -> Rows:
+    """Rows of text; `first` is the number of their first line."""
     try:
-        numbers = np.array(lines, np.bytes_).astype(np.float64)
+        if all(map(str.strip, lines)):  # empty ones would be passed over
+            return np.loadtxt(lines, dtype, comments=None, ndmin=1)
     except ValueError:
-        number, word = next(_no_numbers(lines, first))
-        raise ValueError(f"{where} {number}: {word!r} is no number") from None
-    rows = np.empty(len(lines), dtype)
-    for name, column in zip(names, numbers.T):
-        if dtype[name].kind != "f":
-            bounds = np.iinfo(dtype[name])
-            bad = (column != np.rint(column)) | (column < bounds.min) | (column > bounds.max)
-            if bad.any():
-                place = int(bad.argmax())
-                raise ValueError(f"{where} {first + place}: {name} is no {dtype[name].name}")
-        with np.errstate(over="ignore"):
-            rows[name] = column
-    return rows
-
-
-def _no_numbers(lines: list[list[bytes]], first: int) -> Iterator[tuple[int, str]]:
-    for number, words in enumerate(lines, first):
-        for word in words:
-            try:
-                np.array(word).astype(np.float64)
-            except ValueError:
-                yield number, word.decode("utf-8", "replace")[:40]
+        pass
+    if len(lines) == 1:
+        raise ValueError(
+            f"{where} {first}: {lines[0].strip()[:40]!r} is no row of the"
+            f" {len(dtype.names or ())} numbers that the header says, of their types"
+        )
+    half = len(lines) // 2
+    parts = (lines[:half], first), (lines[half:], first + half)
+    return np.concatenate([_from_text(each, dtype, where, number) for each, number in parts])

@@ -63,15 +63,3 @@ def parts(
     """What the records say, so many at a time; none of them lives in time."""
     for rows in container.blocks(file, path, RECORD, count, step):
         yield decoded(rows), None
-
-
-def write(path: Path, gaussians: Gaussians) -> None:
-    """Writes them; of the harmonics only the constant one, and colours to the nearest of 255."""
-    rows = np.empty(len(gaussians), RECORD)
-    rows["mean"], rows["scale"] = gaussians.means, gaussians.scales
-    colours = 0.5 + CONSTANT * gaussians.coefficients[:, 0]
-    shades = np.concatenate((colours, gaussians.opacities[:, None]), axis=1)
-    rows["rgba"] = np.rint(np.clip(shades, 0.0, 1.0) * 255.0)
-    turns = gaussians.rotations[:, [3, 0, 1, 2]] * 128.0 + 128.0
-    rows["turn"] = np.rint(np.clip(turns, 0.0, 255.0))
-    rows.tofile(path)

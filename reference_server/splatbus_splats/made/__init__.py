@@ -1,11 +1,8 @@
-"""Scenes that are made, with the statistics of trained ones, the same for the same seed.
+"""A scene that is made, with the statistics of trained ones, the same for the same seed.
 
-python -m splatbus_splats.made 100000 scene.ply
-python -m splatbus_splats.made 250000 garden.ply --scene garden --cameras cameras.json
+python -m splatbus_splats.made 250000 garden.ply --cameras cameras.json
 """
 
-from splatbus_splats.made.balls import made
-from splatbus_splats.made.command import main
-from splatbus_splats.made.garden import garden
+from splatbus_splats.made.garden import cameras, garden, poses
 
-__all__ = ["garden", "made", "main"]
+__all__ = ["cameras", "garden", "poses"]

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats.drawing.harmonics import BANDS, basis, spread_directions
-from splatbus_splats.made.parts import Floats, Part, unit
+from splatbus_splats.drawing.harmonics import values
+from splatbus_splats.gaussians import COEFFICIENTS
+from splatbus_splats.made.parts import Floats, Part, directions, unit
 
 TO_SUN = np.array((-0.66, -0.74, 0.13)) / np.linalg.norm((-0.66, -0.74, 0.13))
 SUN, SKY, BOUNCE = (4.3, 3.75, 2.95), (0.66, 0.80, 1.02), (0.30, 0.28, 0.20)
@@ -16,10 +17,10 @@ SUN, SKY, BOUNCE = (4.3, 3.75, 2.95), (0.66, 0.80, 1.02), (0.30, 0.28, 0.20)
 EXPOSURE = 0.76
 SUN_RADIUS = 0.045
 """Of its disc, larger than the real one: soft edges of shadows."""
-SUNS, SKIES = 8, 28
-"""Directions from which light is looked for, to the sun and over the whole sphere."""
-LOBE = (0.0, 1.0, 0.75, 0.45)
-"""Of sheen, by degree of the harmonics."""
+RAYS = 12
+"""Directions from which light is looked for, to the sun, and to the whole sky."""
+LOBE = (1.0, 0.75, 0.45)
+"""Of sheen, by degree of the harmonics from 1 on."""
 
 
 def lit(part: Part, opacities: Floats, cell: Floats, random: np.random.Generator) -> Floats:
@@ -32,8 +33,8 @@ def lit(part: Part, opacities: Floats, cell: Floats, random: np.random.Generator
         random: where rays go.
     """
     sun, sky = np.ones(len(cell)), np.ones(len(cell))
-    suns = unit(TO_SUN + SUN_RADIUS * random.normal(size=(SUNS, 3)))
-    skies = spread_directions(SKIES)
+    suns = unit(TO_SUN + SUN_RADIUS * random.normal(size=(RAYS, 3)))
+    skies = directions(2 * RAYS, random)
     skies = skies[skies[:, 1] < 0.15]
     covers = 2.0 * np.pi * part.scales[:, 0] * part.scales[:, 1] * opacities
     for size in np.unique(cell).tolist():
@@ -41,48 +42,32 @@ def lit(part: Part, opacities: Floats, cell: Floats, random: np.random.Generator
         shades = Shades(
             part.means[here], part.normals[here], covers[here], 2.0 * part.scales[here].max(axis=1)
         )
-        sun[here] = sum(shades.light(each, size, random) for each in suns) / SUNS
+        sun[here] = sum(shades.light(each, size, random) for each in suns) / RAYS
         sky[here] = sum(shades.light(each, 1.6 * size, random) for each in skies) / len(skies)
     facing = part.normals @ TO_SUN
-    front, back = np.maximum(facing, 0.0), np.maximum(-facing, 0.0)
-    passed = 0.18 * part.thin  # scattered, whichever way a leaf is turned
-    direct = sun * ((1.0 - 0.35 * part.thin) * (front + 0.75 * part.thin * back) + passed)
-    up = 0.5 - 0.5 * part.normals[:, 1]
-    up = np.where(part.thin > 0.0, np.maximum(up, 1.0 - up), up)
-    light = direct[:, None] * SUN + (sky * (0.35 + 0.65 * up))[:, None] * SKY
-    light += (sky * (1.0 - 0.7 * up))[:, None] * BOUNCE
-    return encoded(part.albedos * light)
-
-
-def encoded(linear: Floats) -> Floats:
-    """sRGB of linear light, the brightest rolled off as a camera does it."""
-    x = np.maximum(linear, 0.0) * EXPOSURE
-    # Narkowicz's fit to the tone curve of ACES; it makes colours stronger, hence the grey.
+    passed = 0.75 * part.thin * np.maximum(-facing, 0.0) + 0.18 * part.thin
+    direct = sun * ((1.0 - 0.35 * part.thin) * np.maximum(facing, 0.0) + passed)
+    up = np.where(part.thin > 0.0, np.abs(part.normals[:, 1]), -part.normals[:, 1]) / 2.0 + 0.5
+    light = np.outer(direct, SUN) + np.outer(sky * (0.35 + 0.65 * up), SKY)
+    light += np.outer(sky * (1.0 - 0.7 * up), BOUNCE)
+    x = EXPOSURE * part.albedos * light
+    # Narkowicz's fit to the tone curve of ACES, by which the brightest is rolled off.
     rolled = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
-    grey = rolled.mean(axis=1, keepdims=True)
-    return np.asarray(np.clip(0.86 * rolled + 0.14 * grey, 0.0, 1.0) ** (1.0 / 2.2))
+    return np.asarray(np.clip(rolled, 0.0, 1.0) ** (1.0 / 2.2))
 
 
-def sheen(part: Part, sun: Floats, degree: int) -> Floats:
-    """(N, K, 3), harmonics up to a degree of the sun in what is glossy and behind what is thin.
+def sheen(part: Part, sun: Floats) -> Floats:
+    """(N, 16, 3), harmonics of the sun in what is glossy; the constant one is 0.
 
     Args:
         part: what shines.
         sun: (N,), how bright it is there.
-        degree: of the harmonics.
     """
-    count = BANDS[degree].stop
-    shine = np.zeros((len(sun), count, 3))
     facing = (part.normals @ TO_SUN)[:, None]
     mirrored = unit(TO_SUN - 2.0 * facing * part.normals)  # where one looks to, to see it
-    lobes = basis(mirrored)
-    behind = basis(np.broadcast_to(TO_SUN, part.means.shape).copy())
-    for each in range(1, degree + 1):
-        band = BANDS[each]
-        glossy = LOBE[each] * part.gloss * sun * lobes[band]
-        through = (0.3 * part.thin * sun if each == 1 else 0.0) * behind[band]
-        shine[:, band] = glossy.T[..., None] + through.T[..., None] * np.array((0.9, 1.0, 0.4))
-    return shine
+    lobes = np.stack(values(*mirrored.T))
+    shine = np.repeat((0.0, *LOBE), np.diff((0, *COEFFICIENTS)))[:, None] * part.gloss * sun * lobes
+    return np.repeat(shine.T[:, :, None], 3, axis=2)
 
 
 class Shades(NamedTuple):

@@ -1,4 +1,4 @@
-"""What scenes are made of: surfaces strewn with flat Gaussians, before light falls on them."""
+"""What a garden is made of: surfaces strewn with flat Gaussians, before light falls on them."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+
+UPWARD = (0.0, -1.0, 0.0)
+ROUGH, SHADE = 0.3, 0.2
+"""By how much sizes and brightness scatter, log-normally."""
 
 
 class Part(NamedTuple):
@@ -34,6 +38,7 @@ class Part(NamedTuple):
 
 
 def part(
+    random: np.random.Generator,
     means: Floats,
     normals: ArrayLike,
     along: ArrayLike,
@@ -42,12 +47,14 @@ def part(
     gloss: float = 0.0,
     thin: float = 0.0,
 ) -> Part:
-    """A part of arrays that are broadcast, with unit normals."""
+    """A part of arrays that are broadcast, with unit normals; sizes and brightness scatter."""
     count = len(means)
     normals, along, scales, albedos = (
         np.array(np.broadcast_to(np.asarray(each, np.float64), (count, 3)))
         for each in (normals, along, scales, albedos)
     )
+    scales *= np.exp(random.normal(0.0, ROUGH, (count, 3)))
+    albedos *= np.exp(random.normal(0.0, SHADE, (count, 1)))
     shares = np.full(count, gloss), np.full(count, thin)
     return Part(means, unit(normals), along, scales, albedos, *shares)
 
@@ -55,11 +62,6 @@ def part(
 def joined(parts: Iterable[Part]) -> Part:
     """All of them, in their order."""
     return Part(*(np.concatenate(each) for each in zip(*parts)))
-
-
-def larger(it: Part, times: float) -> Part:
-    """The same, so many times as large."""
-    return it._replace(means=it.means * times, scales=it.scales * times)
 
 
 def unit(vectors: Floats) -> Floats:
@@ -72,39 +74,75 @@ def directions(count: int, random: np.random.Generator) -> Floats:
     return unit(random.normal(size=(count, 3)))
 
 
-def disc(count: int, inner: float, outer: float, random: np.random.Generator) -> Floats:
-    """(count, 2), places x and z, evenly over a ring about the origin."""
-    radius = np.sqrt(random.uniform(inner**2, outer**2, count))
-    angle = random.uniform(0.0, 2.0 * np.pi, count)
-    return np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
+def around(angles: Floats) -> Floats:
+    """(N, 3) unit vectors in the plane of x and z."""
+    return np.stack((np.cos(angles), np.zeros_like(angles), np.sin(angles)), axis=1)
 
 
-def flat(places: Floats, height: ArrayLike) -> Floats:
-    """(N, 3) points over (N, 2) places x and z, at a height on the y axis, which points down."""
-    heights = np.broadcast_to(np.asarray(height, np.float64), len(places))
-    return np.stack((places[:, 0], heights, places[:, 1]), axis=1)
+def ring(count: int, random: np.random.Generator) -> Floats:
+    """(count, 3) unit vectors in the plane of x and z, evenly."""
+    return around(random.uniform(0.0, 2.0 * np.pi, count))
 
 
-def spread(area: float, count: int, share: float = 0.55) -> float:
+def disc(count: int, radius: float, random: np.random.Generator) -> Floats:
+    """(count, 3) points in the plane of x and z, evenly over a disc about the origin."""
+    return radius * np.sqrt(random.random((count, 1))) * ring(count, random)
+
+
+def lifted(heights: ArrayLike) -> Floats:
+    """(N, 3), what is to be added to points to lift them along y, which points down."""
+    return np.multiply.outer(np.asarray(heights, np.float64), (0.0, 1.0, 0.0))
+
+
+def turned(
+    line: ArrayLike, count: int, random: np.random.Generator
+) -> tuple[Floats, Floats, Floats]:
+    """What a line makes that is turned about the y axis: points, normals, and directions around.
+
+    Args:
+        line: points (y, radius); to its left, as one goes along it upwards, is outside.
+        count: of the points, which lie evenly.
+        random: where they lie.
+    """
+    ends = np.asarray(line, np.float64)
+    steps = np.diff(ends, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    areas = lengths * (ends[1:, 1] + ends[:-1, 1])
+    which = random.choice(len(steps), count, p=areas / areas.sum())
+    heights, radii = (ends[which] + random.random((count, 1)) * steps[which]).T
+    down, grows = (steps / lengths[:, None])[which].T
+    outward = ring(count, random)
+    normals = lifted(grows) - outward * down[:, None]
+    return outward * radii[:, None] + lifted(heights), normals, np.cross(outward, UPWARD)
+
+
+def clustered(
+    count: int, centers: Floats, radii: ArrayLike, random: np.random.Generator
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Points within balls: (count,), of which ball each is, (count, 3), where in it, and where."""
+    which = random.integers(0, len(centers), count)
+    out = directions(count, random) * random.random((count, 1)) ** 0.5
+    sizes = np.broadcast_to(np.asarray(radii, np.float64), centers.shape)
+    return which, out, centers[which] + out * sizes[which]
+
+
+def spread(area: float, count: int, share: float = 0.6) -> float:
     """Standard deviations with which so many Gaussians cover an area."""
     return share * float(np.sqrt(area / max(count, 1)))
 
 
-def noise(points: Floats, size: ArrayLike, random: np.random.Generator, waves: int = 24) -> Floats:
-    """(N,), a smooth random field about 0, of a standard deviation of 1.
+def noise(points: Floats, size: ArrayLike, random: np.random.Generator) -> Floats:
+    """(N,), a smooth random field about 0, of a standard deviation of 1: a sum of 24 waves.
 
     Args:
         points: (N, D).
         size: of its spots, in units of the points: one, or one for each axis.
         random: which field.
-        waves: that it is the sum of.
     """
-    turns = random.normal(size=(points.shape[1], waves)) * 2.0
-    phases = random.uniform(0.0, 2.0 * np.pi, waves)
-    return np.asarray(
-        np.cos((points / np.asarray(size, np.float64)) @ turns + phases).sum(axis=1)
-        / np.sqrt(waves / 2)
-    )
+    turns = random.normal(size=(points.shape[1], 24)) * 2.0
+    phases = random.uniform(0.0, 2.0 * np.pi, 24)
+    waves = np.cos((points / np.asarray(size, np.float64)) @ turns + phases)
+    return np.asarray(waves.sum(axis=1) / np.sqrt(12.0))
 
 
 def mixed(a: ArrayLike, b: ArrayLike, share: Floats) -> Floats:
@@ -114,23 +152,18 @@ def mixed(a: ArrayLike, b: ArrayLike, share: Floats) -> Floats:
 
 
 def turns_of(normals: Floats, along: Floats) -> Floats:
-    """(N, 4), quaternions x, y, z, w that turn x to `along` and z to the normal."""
-    x = unit(along - (along * normals).sum(axis=1, keepdims=True) * normals)
-    y = np.cross(normals, x)
-    m = np.stack((x, y, normals), axis=2)
-    i, j, k = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
-    squares = np.stack((1 + i - j - k, 1 - i + j - k, 1 - i - j + k, 1 + i + j + k), axis=1)
-    a, b, c = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
-    d, e, f = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
-    s0, s1, s2, s3 = squares.T
-    rows = np.stack(
-        (
-            np.stack((s0, d, e, a), axis=1),
-            np.stack((d, s1, f, b), axis=1),
-            np.stack((e, f, s2, c), axis=1),
-            np.stack((a, b, c, s3), axis=1),
-        ),
-        axis=1,
-    )
-    best = squares.argmax(axis=1)  # each row is the quaternion, times four of its own component
-    return unit(rows[np.arange(len(best)), best])
+    """(N, 4), quaternions x, y, z, w that turn x to `along` and z to the normal.
+
+    First z by half a turn about the middle between it and the normal, then about the normal.
+    """
+    halves = unit(normals - (0.0, 0.0, -1.0))
+    halves[np.abs(halves).sum(axis=1) < 0.5] = (1.0, 0.0, 0.0)  # the normal is -z
+    x, y, z = halves.T
+    first = np.stack((2.0 * x * x - 1.0, 2.0 * x * y, 2.0 * x * z), axis=1)  # where x has come to
+    sine = (np.cross(first, along) * normals).sum(axis=1)
+    cosine = (first * along).sum(axis=1)
+    angles = np.arctan2(sine, cosine)[:, None] / 2.0
+    # (cos + n·sin)·(0 + h): of quaternions, n and h being vectors.
+    dots = (normals * halves).sum(axis=1, keepdims=True)
+    vectors = np.cos(angles) * halves + np.sin(angles) * np.cross(normals, halves)
+    return np.concatenate((vectors, -np.sin(angles) * dots), axis=1)

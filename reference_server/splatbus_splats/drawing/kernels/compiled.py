@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 import numba
 import numpy as np
 
-from splatbus_splats.drawing import definition
+from splatbus_splats.drawing import definition, harmonics
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -23,6 +23,8 @@ RED, GREEN, BLUE, OPACITY, INVERSE = range(5)
 LEFT, RIGHT, TOP, BOTTOM = range(4)
 """Of its box, int32, pixels: its first column and the one after its last, and rows likewise."""
 NOTHING, ONE = np.float32(0.0), np.float32(1.0)
+NUMBERS = (__file__, definition.__file__, harmonics.__file__)
+"""Modules whose numbers are compiled into loops of others."""
 LARGEST_ALPHA = np.float32(definition.LARGEST_ALPHA)
 LEAST_ALPHA = np.float32(definition.LEAST_ALPHA)
 LEAST_LEFT = np.float32(definition.LEAST_LEFT)
@@ -46,7 +48,7 @@ def _drop_older(folder: Path) -> None:
     It asks whether the file of a function is as it was, and not whether those are whose numbers are
     compiled into it.
     """
-    changed = max(Path(each).stat().st_mtime for each in (__file__, definition.__file__))
+    changed = max(Path(each).stat().st_mtime for each in NUMBERS)
     for index in folder.glob("*.nbi"):
         if index.stat().st_mtime < changed:
             index.unlink(missing_ok=True)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from splatbus_splats.drawing import definition
+from splatbus_splats.drawing import definition, harmonics
 from splatbus_splats.drawing.kernels.compiled import (
     ACROSS,
     ALONG,
@@ -40,6 +40,7 @@ from splatbus_splats.drawing.kernels.compiled import (
 SLACK = 1e-3
 """Pixels by which boxes are larger than they need be, for what rounding does."""
 LOW_PASS, LEAST_OPACITY = definition.LOW_PASS, definition.LEAST_ALPHA
+_values = compiled(harmonics.values)
 
 
 @compiled
@@ -58,7 +59,6 @@ def project(
     skips: Any,
     runs: Any,
     counts: Any,
-    weights: Any,
     z_of: Any,
     shape_of: Any,
     box_of: Any,
@@ -84,7 +84,6 @@ def project(
         runs: (R, 4) int64: which it is, its first Gaussian, the one after its last, and the place
             from which on there is room for it.
         counts: of all runs: how many of each were found is written there.
-        weights: (16,) float32, to work with.
         z_of: (M,) float64, depths.
         shape_of: (M, 5) float64.
         box_of: (M, 4) int32.
@@ -93,7 +92,7 @@ def project(
     fx, fy, cx, cy = lens
     near, far = depths
     width, height = size
-    skips_outside, skips_small, harmonics = skips
+    skips_outside, skips_small, bands = skips
     s = math.sqrt(turn[0, 0] * turn[0, 0] + turn[0, 1] * turn[0, 1] + turn[0, 2] * turn[0, 2])
     for run, first, last, start in runs:
         place = start
@@ -147,7 +146,7 @@ def project(
             shape_of[place, DOWN] = 1.0 / math.sqrt(c)
             box_of[place, LEFT], box_of[place, RIGHT] = x0, max(x0, x1)
             box_of[place, TOP], box_of[place, BOTTOM] = y0, max(y0, y1)
-            _shade(coefficients, i, harmonics, ox, oy, oz, weights, paint_of, place)
+            _shade(coefficients, i, bands, ox, oy, oz, paint_of, place)
             paint_of[place, OPACITY] = opacities[i]
             paint_of[place, INVERSE] = 1.0 / z
             place += 1
@@ -179,51 +178,18 @@ def _column(turn: Any, axis: Any, J: Any, scale: Any) -> Any:
 
 @compiled
 def _shade(
-    coefficients: Any,
-    i: int,
-    count: int,
-    ox: Any,
-    oy: Any,
-    oz: Any,
-    weights: Any,
-    paint_of: Any,
-    place: int,
+    coefficients: Any, i: int, count: int, ox: Any, oy: Any, oz: Any, paint_of: Any, place: int
 ) -> None:
     """The colour along (ox, oy, oz), of `count` harmonics a channel; black if that is 0."""
-    _basis(count, ox, oy, oz, weights)
+    norm = math.sqrt(ox * ox + oy * oy + oz * oz)
+    Y = _values(ox / norm, oy / norm, oz / norm)
     half = np.float32(0.5 if count else 0.0)
     red, green, blue = half, half, half
     for k in range(count):
-        red += weights[k] * coefficients[i, k, 0]
-        green += weights[k] * coefficients[i, k, 1]
-        blue += weights[k] * coefficients[i, k, 2]
+        weight = np.float32(Y[k])
+        red += weight * coefficients[i, k, 0]
+        green += weight * coefficients[i, k, 1]
+        blue += weight * coefficients[i, k, 2]
     paint_of[place, RED] = max(red, NOTHING)
     paint_of[place, GREEN] = max(green, NOTHING)
     paint_of[place, BLUE] = max(blue, NOTHING)
-
-
-@compiled
-def _basis(count: int, ox: Any, oy: Any, oz: Any, weights: Any) -> None:
-    """The values of the basis of `harmonics`, where it is explained."""
-    norm = math.sqrt(ox * ox + oy * oy + oz * oz)
-    x, y, z = ox / norm, oy / norm, oz / norm
-    xx, yy, zz = x * x, y * y, z * z
-    weights[0] = 0.28209479177387814
-    if count > 1:
-        weights[1] = -0.4886025119029199 * y
-        weights[2] = 0.4886025119029199 * z
-        weights[3] = -0.4886025119029199 * x
-    if count > 4:
-        weights[4] = 1.0925484305920792 * x * y
-        weights[5] = -1.0925484305920792 * y * z
-        weights[6] = 0.31539156525252005 * (2.0 * zz - xx - yy)
-        weights[7] = -1.0925484305920792 * x * z
-        weights[8] = 0.5462742152960396 * (xx - yy)
-    if count > 9:
-        weights[9] = -0.5900435899266435 * y * (3.0 * xx - yy)
-        weights[10] = 2.890611442640554 * x * y * z
-        weights[11] = -0.4570457994644658 * y * (4.0 * zz - xx - yy)
-        weights[12] = 0.3731763325901154 * z * (2.0 * zz - 3.0 * xx - 3.0 * yy)
-        weights[13] = -0.4570457994644658 * x * (4.0 * zz - xx - yy)
-        weights[14] = 1.445305721320277 * z * (xx - yy)
-        weights[15] = -0.5900435899266435 * x * (xx - 3.0 * yy)
