@@ -66,25 +66,11 @@ def test_a_composite_is_that_of_our_own_compositor(kind: str, drawn: dict[str, A
         np.testing.assert_array_max_ulp(got[..., :3], expected, maxulp=3)
 
 
-@pytest.mark.parametrize("kind", ["straight", "premultiplied"])
-def test_a_layer_of_srgb_is_what_is_mixed_with_what_is_shown(
-    kind: str, drawn: dict[str, Any]
-) -> None:
-    """Which Blender does by the alpha of the layer, as light: the screen shows its 2.2nd root."""
-    given = images()
-    color = given["premultiplied"].copy()
-    hidden = (given["depth"] > given["meshes_depth"]) | (color[..., 3] == 0)
-    color[hidden] = 0
-    color[..., :3] = srgb(color[..., :3] ** np.float32(2.2))
-    assert np.abs(drawn[f"{kind} overlaid"] - 255 * color).max() <= 1
-
-
 @pytest.mark.parametrize("kind", ["straight", "premultiplied", "rays"])
 def test_the_colour_alone_covers_all(kind: str, drawn: dict[str, Any]) -> None:
     got = drawn[f"{kind} COLOR"]
     np.testing.assert_allclose(got[..., :3], images()["premultiplied"][..., :3], rtol=1e-6)
     assert (got[..., 3] == 1).all()
-    np.testing.assert_array_equal(drawn["straight COLOR alone"], drawn["straight COLOR"])
 
 
 @pytest.mark.parametrize("kind", ["straight", "rays", "unit"])
@@ -99,23 +85,5 @@ def test_the_depth_alone_goes_from_black_to_white(kind: str, drawn: dict[str, An
         np.testing.assert_allclose(drawn[f"{kind} DEPTH"][..., channel], expected, atol=1e-5)
 
 
-def test_a_viewport_wants_what_it_shows_and_is_drawn_over(tmp_path: Path) -> None:
-    """With the depth of Blender's own meshes, in a buffer whose steps are those of 24 bits."""
-    place = tmp_path / "drawn.npz"
-    told = ran("viewport.py", tmp_path, str(place))
-    assert told.count("check_") == 5
-    found = np.load(place)
-    near, far = found["clips"].tolist()
-    in_window = found["far"].astype(np.float64)
-    behind = 2 * far * near / (far + near - (2 * in_window - 1) * (far - near))
-    cube = in_window < 1
-    assert 9 < behind[cube].min() < behind[cube].max() < 13
-    depth = np.where(cube, behind, np.inf).astype(np.float32)
-    meshes = found["meshes"][..., :3]
-    expected = composed(found["color"], found["depth"], None, STRAIGHT, meshes, depth)
-    clear = ~cube | (np.abs(depth - found["depth"]) > 0.01)
-    nearer = found["depth"] < depth
-    assert (cube & nearer & clear).sum() > 20
-    assert (cube & ~nearer & clear).sum() > 20
-    mixed = found["mixed"][..., :3]
-    np.testing.assert_array_max_ulp(mixed[clear], expected[clear], maxulp=3)
+def test_a_viewport_wants_what_it_shows(tmp_path: Path) -> None:
+    assert ran("viewport.py", tmp_path).count("check_") == 4
