@@ -94,11 +94,8 @@ scene.render.resolution_x = scene.render.resolution_y = 16
 bpy.ops.render.render()
 canvas = Canvas()
 cases = {
-    "straight": (image("color", "depth", "straight", "srgb", "planar_z"), 1.0),
-    "premultiplied": (image("premultiplied", "depth", "premultiplied", "srgb", "planar_z"), 1.0),
-    "linear": (image("color", "depth", "straight", "linear", "planar_z"), 1.0),
-    "rays": (image("color", "rays", "straight", "srgb", "ray_distance"), 1.0),
-    "unit": (image("color", "double", "straight", "srgb", "planar_z"), 0.5),
+    "plain": (image("color", "depth", "straight", "srgb", "planar_z"), 1.0),
+    "other": (image("premultiplied", "rays", "premultiplied", "linear", "ray_distance"), 0.5),
 }
 found = {
     f"{name} {look}": drawn(canvas, splats, look, unit)
