@@ -28,11 +28,6 @@ def test_a_camera_and_an_object_are_those_of_the_worked_example() -> None:
     assert poses.object_pose(placed) == (WIRE, 2.0)
 
 
-def test_an_object_has_one_scale() -> None:
-    with pytest.raises(ValueError, match="the same along all axes"):
-        poses.object_pose(Placed((0, 0, 0), (0, 0, 0, 1), (1, 1, 1.1)))
-
-
 @pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
 def test_angles_of_euler_turn_in_their_order(order: str) -> None:
     angles = (0.3, -1.2, 2.5)

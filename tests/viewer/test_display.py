@@ -20,14 +20,6 @@ def image(color, depth):
     )
 
 
-def test_what_is_shown_is_a_copy():
-    color, depth, camera = image((0.2, 0.4, 0.6, 0.5), 3.0)
-    result = shown(color, depth, camera, Semantics())
-    color[:], depth[:] = 0, 0
-    assert result.color.all()
-    assert result.depth.all()
-
-
 def test_premultiplied_colour_is_divided_by_alpha():
     semantics = Semantics(alpha="premultiplied")
     result = shown(*image((0.1, 0.2, 0.3, 0.5), 3.0), semantics)

@@ -180,36 +180,15 @@ def test_an_image_is_drawn_where_its_part_of_the_screen_is(context: Any, times: 
     assert (found == color[..., :3].repeat(times, axis=0).repeat(times, axis=1)).all()
 
 
-def points(context: Any, ground: Ground) -> Any:
-    """(N, 3) in the world, of what is drawn of the geometry, as far as pixels are small."""
-    _, plane = GroundDrawing(context).draw(CAMERA, ground)
-    z = np.frombuffer(plane.read(), np.float32).reshape(HEIGHT, WIDTH)[::-1]
-    seen = (z > 0) & (z < 6)  # where a pixel is no more than a tenth of a unit
-    assert seen.sum() > 100
-    here = rays(CAMERA)[seen] * z[seen][:, None]
-    return here @ as_array(view_matrix(CAMERA.pose))[:3, :3] + CAMERA.pose.position
-
-
-def test_the_grid_lies_where_its_camera_sees_it(context: Any) -> None:
-    world = points(context, Ground(1.0))
-    assert np.abs(world[:, 1] - 1.0).max() < 0.1
-    across, along = np.abs(world[:, (0, 2)] - np.round(world[:, (0, 2)])).T
-    assert np.minimum(across, along).max() < 0.15
-
-
 def test_the_ring_is_where_it_is_put_and_as_large(context: Any) -> None:
     pose, scale = IDENTITY._replace(position=(0.0, 0.3, 3.0)), 1.5
-    world = points(context, Ground(None, Placement("ring", pose, scale)))
+    _, plane = GroundDrawing(context).draw(CAMERA, Ground(None, Placement("ring", pose, scale)))
+    z = np.frombuffer(plane.read(), np.float32).reshape(HEIGHT, WIDTH)[::-1]
+    assert (z > 0).sum() > 100
+    here = rays(CAMERA)[z > 0] * z[z > 0][:, None]
+    world = here @ as_array(view_matrix(CAMERA.pose))[:3, :3] + CAMERA.pose.position
     x, y, z = ((world - pose.position) / scale).T
     assert np.abs(np.hypot(np.hypot(x, z) - 1.0, y) - THICKNESS).max() < 0.01
-
-
-def test_the_geometry_is_drawn_again_only_where_something_is_another(context: Any) -> None:
-    drawing = GroundDrawing(context)
-    color, _ = drawing.draw(CAMERA, Ground(1.0))
-    color.write(bytes(4 * WIDTH * HEIGHT))  # whoever draws again writes over it
-    assert not any(drawing.draw(CAMERA._replace(tag="x"), Ground(1.0))[0].read())
-    assert any(drawing.draw(CAMERA, Ground(0.9))[0].read())
 
 
 def test_a_probe_sees_depths_from_all_over(context: Any) -> None:
