@@ -40,7 +40,7 @@ def _connection(look: Look) -> None:
         imgui.text_wrapped(visible(f"{server.name} {server.version}"))
     for name, channel in (("images", status.ipc), ("messages", status.message)):
         imgui.text_colored(_GOOD if channel.connected else _BAD, f"{name}: {_state(channel)}")
-    for sentence in (status.no_images, status.no_effect, *look.conversation.problems.values()):
+    for sentence in (status.no_images, status.no_effect, *look.conversation.problems):
         if sentence is not None:
             imgui.push_style_color(imgui.Col_.text, _BAD)
             imgui.text_wrapped(sentence)
