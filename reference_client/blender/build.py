@@ -52,7 +52,9 @@ def built(folder: Path) -> Path:
 
 def _wheel(folder: Path) -> Path:
     words = ("--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT))
-    subprocess.run([sys.executable, "-m", "build", *words], check=True, stdout=subprocess.DEVNULL)
+    # Isolated: in this folder, or where it is in the path, this file would be taken for `build`.
+    line = [sys.executable, "-I", "-m", "build", *words]
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL)
     (wheel,) = folder.glob("*.whl")
     return wheel
 

@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from splatbus_client.session import Session, connect
@@ -132,16 +132,19 @@ def _number(value: float) -> float | str:
     return float(value) if math.isfinite(value) else str(float(value))
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Answer one line after the other, until `stop` or the end of the input."""
-    parser = argparse.ArgumentParser(prog="python -m splatbus_viewer.adapter")
-    parser.add_argument("--axes", choices=AXES, default="opencv", help="whose axes poses are in")
-    axes = parser.parse_args(arguments).axes
-    adapter = Adapter(axes)
+def serve(adapter: Adapter, out: TextIO, client: Json, **engine: Any) -> None:
+    """Answer one line after the other, until `stop` or the end of the input.
+
+    Args:
+        adapter: whose methods the commands are.
+        out: where answers go.
+        client: name and version of who is judged.
+        engine: axes, units and precision of its poses.
+    """
     can = [name for name in dir(adapter) if not name.startswith("_")]
-    client = {"name": "splatbus-client", "version": version("splatbus-protocol")}
-    units = {"axes": axes, "unitsPerMetre": 100 if axes == "unreal" else 1, "precision": "double"}
-    print(json.dumps({"adapter": "1", "client": client, **units, "can": can}), flush=True)
+    print(
+        json.dumps({"adapter": "1", "client": client, **engine, "can": can}), file=out, flush=True
+    )
     for line in sys.stdin:
         members = json.loads(line)
         number, name = members.pop("id"), members.pop("command")
@@ -151,9 +154,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
             answer = getattr(adapter, name)(**members)
         except Exception as error:
             answer = {"error": f"{type(error).__name__}: {error}"}
-        print(json.dumps({"id": number, **answer}, allow_nan=False), flush=True)
+        print(json.dumps({"id": number, **answer}, allow_nan=False), file=out, flush=True)
         if name == "stop":
             break
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Answer for the client of this package, in the axes that are asked for."""
+    parser = argparse.ArgumentParser(prog="python -m splatbus_viewer.adapter")
+    parser.add_argument("--axes", choices=AXES, default="opencv", help="whose axes poses are in")
+    axes = parser.parse_args(arguments).axes
+    client = {"name": "splatbus-client", "version": version("splatbus-protocol")}
+    metre = 100 if axes == "unreal" else 1
+    serve(Adapter(axes), sys.stdout, client, axes=axes, unitsPerMetre=metre, precision="double")
 
 
 if __name__ == "__main__":

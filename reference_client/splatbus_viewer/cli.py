@@ -169,7 +169,7 @@ def _parser() -> argparse.ArgumentParser:
         help="watch and steer without a window, until interrupted",
         description="Watches without a window: sends camera poses along a small orbit, reads"
         " every frame, and prints how many, how fast, and how long after its pose each came:"
-        " the median, the 99th percentile, and at the end a histogram. A server of 1.1 says"
+        " the median and the 99th percentile. A server of 1.1 says"
         " which image is the first to show which pose. Connects again whenever the server goes"
         " and comes back.",
     )
@@ -224,13 +224,13 @@ def _parser() -> argparse.ArgumentParser:
         "telemetry",
         parents=[where],
         help="print the server's figures live, until interrupted",
-        description="Subscribes to what the server tells of itself, and prints it as it comes: on\n"
-        "a terminal a table that is written over, elsewhere a line for each series, which\n"
-        "begins with the server's time. Numbers have their unit and, in the table, their\n"
-        "course; histograms a bar for each bin, from the first edge to the last. A server\n"
-        "that computes figures only where somebody asks for them does so while this runs.",
+        description="Subscribes to what the server tells of itself, and prints it as it comes: a\n"
+        "line for each series, which begins with the server's time. Numbers have their unit,\n"
+        "histograms a bar for each bin, from the first edge to the last. A server that\n"
+        "computes figures only where somebody asks for them does so while this runs. The\n"
+        "window plots them.",
         epilog="examples:\n"
-        "  splatbus-client telemetry                         everything, in a table\n"
+        "  splatbus-client telemetry                         everything\n"
         "  splatbus-client telemetry render_ms loss          these two series\n"
         "  splatbus-client telemetry --json > run.jsonl      for a plot, later\n"
         "  splatbus-client telemetry --seconds 60 | grep loss",

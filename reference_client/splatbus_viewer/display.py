@@ -11,6 +11,12 @@ from splatbus_wire.messages import FrameCamera
 from splatbus_wire.semantics import Semantics
 
 Float32Array = NDArray[np.float32]
+# Nine points of Matplotlib's viridis (CC0), near to far: yellow to violet.
+RAMP = (
+    *((253, 231, 37), (173, 220, 48), (94, 201, 98), (40, 174, 128), (33, 145, 140)),
+    *((44, 114, 142), (59, 82, 139), (72, 40, 120), (68, 1, 84)),
+)
+"""Of false colours, of 255."""
 
 
 class Shown(NamedTuple):
@@ -76,8 +82,12 @@ def composed(
 def planar_depth(
     color: Float32Array, depth: Float32Array, camera: FrameCamera | None, semantics: Semantics
 ) -> Float32Array:
-    """Return (H, W) float32: z in camera axes and scene units, +∞ where there is no surface."""
-    surface = _surface(depth, color[..., 3], semantics)
+    """Return (H, W) float32: z in camera axes and scene units.
+
+    It is +∞ where there is no surface [BUF-8, BUF-9].
+    """
+    known = (depth > 0) & (depth < np.inf) & (depth != semantics.depth_empty)
+    surface = known & (color[..., 3] > 0)
     z: Float32Array = np.where(surface, depth, np.float32(np.inf))
     if semantics.depth_kind == "ray_distance" and camera is not None:
         z = (z / np.linalg.norm(rays(camera), axis=-1)).astype(np.float32)
@@ -94,16 +104,24 @@ def rays(camera: FrameCamera) -> NDArray[np.float64]:
     return np.stack([*np.meshgrid(x, y), np.ones((camera.height, camera.width))], axis=-1)
 
 
+def range_of(depths: Float32Array) -> tuple[float, float]:
+    """Return the depths that false colours are to span: all but the outermost half per cent.
+
+    They differ by a hundredth at the least, or one would see how depths were rounded.
+
+    Args:
+        depths: in scene units; 0 or +∞ where there is no surface.
+    """
+    known = depths[(depths > 0) & (depths < np.inf)]
+    if not known.size:
+        return 0.0, 1.0
+    near, far = (float(end) for end in np.percentile(known, [0.5, 99.5]))
+    return near, max(far, 1.01 * near)
+
+
 def srgb(linear: Float32Array) -> Float32Array:
     """Return the sRGB encoding of linear light in [0, 1] (IEC 61966-2-1)."""
     encoded = np.where(
         linear <= 0.0031308, 12.92 * linear, 1.055 * np.power(linear, 1 / 2.4) - 0.055
     )
     return encoded.astype(np.float32)
-
-
-def _surface(depth: Float32Array, alpha: Float32Array, semantics: Semantics) -> NDArray[np.bool_]:
-    """Where a surface is [BUF-8, BUF-9]."""
-    known = (depth > 0) & (depth < np.inf) & (depth != semantics.depth_empty)
-    surface: NDArray[np.bool_] = known & (alpha > 0)
-    return surface

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.compositing import over_straight
 
-from splatbus_viewer.display import Float32Array, Shown
+from splatbus_viewer.display import RAMP, Float32Array, Shown, range_of
 from splatbus_viewer.mesh import ring_around
 
 try:
@@ -15,20 +15,7 @@ except ImportError as problem:  # pragma: no cover
     extra = "install it with: pip install 'splatbus-protocol[client]'"
     raise ImportError(f"pictures need Pillow; {extra}") from problem
 
-# Nine points of Matplotlib's viridis (CC0), near to far: yellow to violet.
-_NEAR_TO_FAR = np.array(
-    [
-        [253, 231, 37],
-        [173, 220, 48],
-        [94, 201, 98],
-        [40, 174, 128],
-        [33, 145, 140],
-        [44, 114, 142],
-        [59, 82, 139],
-        [72, 40, 120],
-        [68, 1, 84],
-    ]
-) / np.float32(255)
+_RAMP = np.array(RAMP) / np.float32(255)
 _PAPER, _INK, _FAINT = (250, 250, 248), (30, 32, 36), (120, 124, 130)
 _BLUISH = np.array([0.9, 1.0, 1.2], np.float32)
 _Font = Union[ImageFont.FreeTypeFont, ImageFont.ImageFont]
@@ -43,7 +30,7 @@ def three_panels(image: Shown, caption: str) -> Image.Image:
         caption: a line below the panels.
     """
     height, width = image.depth.shape
-    near, far = _range(image.depth)
+    near, far = range_of(image.depth)
     nothing = np.full_like(image.depth, np.inf)
     panels = {
         "colour": over_straight(image.color, image.depth, _squares(height, width), nothing),
@@ -82,19 +69,10 @@ def _false_color(depth: Float32Array, near: float, far: float) -> Float32Array:
     return np.where(surface[..., None], _ramp(place), _hatched(height, width))
 
 
-def _range(depth: Float32Array) -> tuple[float, float]:
-    """The depths that the colours span: all but the outermost half per cent at either end."""
-    surface = depth[np.isfinite(depth)]
-    if not surface.size:
-        return 0.0, 1.0
-    near, far = (float(end) for end in np.percentile(surface, [0.5, 99.5]))
-    return (near, far) if far > near else (near, near + 1.0)
-
-
 def _ramp(place: NDArray[np.floating]) -> Float32Array:
     """Colours of places from 0 (near) to 1 (far), and of the nearer end beyond."""
-    stops = np.linspace(0.0, 1.0, len(_NEAR_TO_FAR))
-    channels = [np.interp(place, stops, channel) for channel in _NEAR_TO_FAR.T]
+    stops = np.linspace(0.0, 1.0, len(_RAMP))
+    channels = [np.interp(place, stops, channel) for channel in _RAMP.T]
     return np.stack(channels, axis=-1).astype(np.float32)
 
 

@@ -19,7 +19,7 @@ from splatbus_client.status import Status
 from splatbus_wire.poses import IDENTITY, Pose
 from splatbus_wire.rotations import rotation_matrix
 
-from splatbus_viewer.latency import Latencies, histogram, percentiles
+from splatbus_viewer.latency import Latencies, percentiles
 from splatbus_viewer.questions import Questions
 
 ORBIT_SECONDS = 8.0
@@ -48,8 +48,7 @@ def view(
         rate: camera poses to send, per second; fewer where images come more slowly [POS-12].
         seconds: how long to run; may be infinite.
         stopped: set by somebody else to end it.
-        out: where the status goes: one line that is rewritten if a terminal, else plain lines; at
-            the end, a histogram of the latencies.
+        out: where the status goes: one line that is rewritten if a terminal, else plain lines.
         size: width and height in pixels that images are asked to have, on each connection.
     """
     questions, frames, report = Questions(session, size), _Frames(), _Report(out)
@@ -151,11 +150,10 @@ class _Report:
         self._write(_line(status, frames, size, now))
 
     def end(self, status: Status, frames: _Frames, size: tuple[int, int]) -> None:
-        """Write the last line, and how long poses took to become images."""
+        """Write the last line."""
         self._write(_line(status, frames, size, clock()))
         if self._terminal:
             self._out.write("\n")
-        self._out.writelines(f"{line}\n" for line in histogram(frames.latencies.seconds))
 
     def _write(self, line: str) -> None:
         if self._terminal:

@@ -1,7 +1,7 @@
 """The connection that Blender's interface asks, without Blender, beside our server."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -49,38 +49,6 @@ def ours() -> list[threading.Thread]:
 
 
 def test_an_image_of_what_is_wanted_comes() -> None:
-    with (
-        serving(render) as where,
-        connected(where) as connection,
-    ):
-        for x in (1.5, -2.5):
-            image = connection.image_of(looking_from(x), 20)
-            assert image.camera
-            assert image.camera.pose.position == (x, 0, 0)
-            assert image.camera.intrinsics == LENS
-            color, depth = planes(image.camera.pose)
-            np.testing.assert_array_equal(image.color, color)
-            np.testing.assert_array_equal(image.depth, depth)
-
-
-def test_it_is_told_what_is_new_alone() -> None:
-    seen: list[View] = []
-
-    def noted(view: View) -> Any:
-        seen.append(view)
-        return render(view)
-
-    with serving(noted) as where, connected(where) as connection:
-        connection.image_of(looking_from(1), 20)
-        assert eventually(lambda: connection.image is not None)
-        before = len(seen)
-        for _ in range(50):
-            connection.tell(looking_from(1))
-        connection.image_of(looking_from(2), 20)
-        assert len(seen) == before + 1
-
-
-def test_objects_and_time_are_shown_with_the_camera() -> None:
     objects = {"chair": Placed((1.0, 5.0, 2.0), (0.0, 0.0, 0.0, 1.0), (2.0, 2.0, 2.0))}
     scene: dict[str, Any] = {
         "objects": [SceneObject(each, "", 0) for each in ("default", "chair")],
@@ -93,9 +61,21 @@ def test_objects_and_time_are_shown_with_the_camera() -> None:
         return render(view)
 
     with serving(noted, **scene) as where, connected(where) as connection:
-        image = connection.image_of(looking_from(1, objects=objects, seconds=2.5), 20)
-        assert image.objects == (Placement("chair", Pose((1, -2, 5), (0, 0, 0, 1)), 2.0),)
-        assert seen[-1].poses.time == 2.5
+        for x in (1.5, -2.5):
+            image = connection.image_of(looking_from(x, objects=objects, seconds=x + 3), 20)
+            assert image.objects == (Placement("chair", Pose((1, -2, 5), (0, 0, 0, 1)), 2.0),)
+            assert seen[-1].poses.time == x + 3
+            assert image.camera
+            assert image.camera.pose.position == (x, 0, 0)
+            assert image.camera.intrinsics == LENS
+            color, depth = planes(image.camera.pose)
+            np.testing.assert_array_equal(image.color, color)
+            np.testing.assert_array_equal(image.depth, depth)
+        before = len(seen)
+        for _ in range(50):
+            connection.tell(looking_from(x, objects=objects, seconds=x + 3))
+        connection.image_of(looking_from(2), 20)
+        assert len(seen) == before + 1, "it is told what is new alone"
 
 
 def test_a_view_of_another_size_gets_images_of_it() -> None:
@@ -148,34 +128,27 @@ def test_a_server_that_goes_takes_its_image_and_brings_it_back() -> None:
         connection.close()
 
 
-def test_telling_never_waits_for_a_render() -> None:
-    connection = Connection("127.0.0.1", 1, 1)
+def test_telling_never_waits_for_a_render_which_ends_when_it_is_cancelled() -> None:
+    connection, cancelled, asked = Connection("127.0.0.1", 1, 1), threading.Event(), []
 
-    def wait() -> None:
+    def wait(cancelled: Callable[[], bool]) -> None:
         with pytest.raises(TimeoutError):
-            connection.image_of(looking_from(1), 3600)
+            connection.image_of(looking_from(1), 3600, cancelled)
 
-    waiting = threading.Thread(target=wait)
-    waiting.start()
-    connection.tell(looking_from(2))
-    connection.close()
-    waiting.join(20)
-    assert not waiting.is_alive()
+    def cancels() -> bool:
+        asked.append(True)
+        return cancelled.is_set()
+
+    for ends in (cancelled.set, connection.close):
+        waiting = threading.Thread(target=wait, args=(cancels,))
+        waiting.start()
+        assert eventually(lambda: bool(asked))
+        connection.tell(looking_from(2))
+        ends()
+        waiting.join(20)
+        assert not waiting.is_alive()
+        cancelled.clear()
     assert eventually(lambda: not ours())
-
-
-def test_a_render_that_is_cancelled_waits_no_more() -> None:
-    asked = threading.Event()
-
-    def cancelled() -> bool:
-        asked.set()
-        return True
-
-    connection = Connection("127.0.0.1", 1, 1)
-    with pytest.raises(TimeoutError):
-        connection.image_of(looking_from(1), 3600, cancelled)
-    assert asked.is_set()
-    connection.close()
 
 
 def test_a_host_that_is_not_there_is_a_problem() -> None:

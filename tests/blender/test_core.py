@@ -28,17 +28,6 @@ def test_a_camera_and_an_object_are_those_of_the_worked_example() -> None:
     assert poses.object_pose(placed) == (WIRE, 2.0)
 
 
-def test_a_unit_divides_positions_alone() -> None:
-    pose, scale = poses.object_pose(Placed((2, 4, 6), (0, 0, 0, 1), (3, 3, 3)), unit=2)
-    assert (pose.position, scale) == ((1, -3, 2), 3)
-    assert poses.camera_pose(Placed((2, 4, 6), (0, 0, 0, 1)), 0.5).position == (4, -12, 8)
-
-
-def test_an_object_has_one_scale() -> None:
-    with pytest.raises(ValueError, match="the same along all axes"):
-        poses.object_pose(Placed((0, 0, 0), (0, 0, 0, 1), (1, 1, 1.1)))
-
-
 @pytest.mark.parametrize("order", ["XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX"])
 def test_angles_of_euler_turn_in_their_order(order: str) -> None:
     angles = (0.3, -1.2, 2.5)
@@ -92,11 +81,6 @@ def test_what_no_pose_can_say_is_refused(spoil: Callable[..., np.ndarray], why: 
         poses.from_matrix(spoil(np.eye(4)).tolist())
 
 
-def test_a_viewport_looks_at_its_centre_from_its_distance() -> None:
-    q = poses.from_euler((math.pi / 2, 0, 0), "XYZ")  # as the front view: along +y
-    assert poses.orbiting((1, 2, 3), q, 10).position == pytest.approx((1, -8, 3))
-
-
 OPTICS = Optics(50, "AUTO", 36, 24, 0.0, 0.0, 0.1, 100)
 
 
@@ -108,11 +92,6 @@ def test_a_lens_in_pixels() -> None:
     assert lens.camera_lens(upright, Film(360, 240))[:2] == (500, 500)
     flat = lens.camera_lens(OPTICS, Film(360, 240, 1, 2))
     assert flat == (500 * 4 / 3, 250 * 4 / 3, 180, 120, 360, 240, 0.1, 100)
-
-
-def test_a_shift_to_the_right_and_up_moves_the_view_there() -> None:
-    shifted = lens.camera_lens(OPTICS._replace(shift_x=0.1, shift_y=0.2), Film(360, 240))
-    assert (shifted.cx, shifted.cy) == pytest.approx((180 - 36, 120 + 72))
 
 
 def test_a_lens_for_images_of_another_shape_sees_the_same() -> None:

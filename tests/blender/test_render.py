@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from splatbus_server import Semantics, View
-from splatbus_viewer.display import composed, planar_depth
+from splatbus_viewer.display import composed, planar_depth, srgb
 from splatbus_wire.message_types import FrameCamera
 from splatbus_wire.poses import Pose
 
@@ -71,13 +71,11 @@ def test_a_render_is_what_our_own_compositor_makes(semantics: Semantics, tmp_pat
     cube = found["depth"] < 100
     assert (nearer & cube).any()
     assert (~nearer & cube & np.isfinite(z)).any()
-    depth = found["depth"] / np.float32(unit)
-    expected = composed(*image, found["meshes"][..., :3], depth)
-    mixed = found["mixed"][..., :3]
-    np.testing.assert_array_equal(mixed[~nearer], found["meshes"][..., :3][~nearer])
-    whole = found["color"][..., 3] == 1
-    np.testing.assert_array_equal(mixed[whole], expected[whole])
-    np.testing.assert_array_max_ulp(mixed, expected, maxulp=3)
-    final = from_srgb(expected) if semantics.color_space == "srgb" else expected
+    depth, meshes = found["depth"] / np.float32(unit), found["meshes"][..., :3]
+    if semantics.color_space == "linear":
+        final = composed(*image, meshes, depth)
+    else:
+        final = from_srgb(composed(*image, srgb(meshes), depth))
+    # What is mixed is judged by the harness to the last bit; here it was converted besides.
     np.testing.assert_allclose(found["final"][..., :3], final, rtol=1e-4, atol=1e-5)
     assert (found["final"][..., 3] == 1).all()

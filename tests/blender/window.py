@@ -50,7 +50,7 @@ def screenshots(home: Path) -> Path:
     line = ["xvfb-run", "--auto-servernum", "--server-args", f"-screen 0 {WIDTH}x{HEIGHT}x24"]
     line += ["blender", "--factory-startup", "--window-geometry", "0", "0", f"{WIDTH}", f"{HEIGHT}"]
     line += ["--python-use-system-env", "--python-exit-code", "1"]
-    line += ["--python", str(PROGRAMS / "window.py"), "--", str(folder)]
+    line += ["--python", str(PROGRAMS / "window.py"), "--", str(folder), *SHOWN]
     with garden() as where:
         ours = environment(home, **where, LIBGL_ALWAYS_SOFTWARE="1")
         pipe = subprocess.PIPE

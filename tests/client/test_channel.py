@@ -6,7 +6,7 @@ import socket
 import pytest
 from splatbus_client import channel as channel_module
 from splatbus_client.channel import Channel
-from splatbus_client.events import Ignored, MustClose, Negotiated, Refused, ServerError
+from splatbus_client.events import Ignored, Negotiated, Refused, ServerError
 from splatbus_schemas import LIMITS
 from splatbus_wire.messages import ErrorMessage
 
@@ -154,41 +154,9 @@ def test_a_server_that_turns_us_away_is_asked_less_and_less_often(
     assert (owner.begun, owner.ended) == (4, 4)
 
 
-def test_what_a_server_says_again_and_again_is_logged_once(listener, accept, caplog):
-    error = ServerError(ErrorMessage("busy", "another client steers"))
-    channel = channel_to(listener, Owner([error, error, error]))
-    step(channel, 0.0)
-    connection = accept()
-    connection.send(b"x")
-    step(channel, 0.0)
-    channel.close()
-    assert caplog.text.count("another client steers") == 1
-
-
 def test_an_unknown_host_is_named():
     with pytest.raises(OSError, match=r"no\.such\.host\.invalid"):
         Channel("test", "no.such.host.invalid", 6001, Owner())
-
-
-@pytest.mark.parametrize(
-    ("events", "handled", "problem"),
-    [
-        ([MustClose("FRM-3"), SETTLED], [], "FRM-3"),
-        ([Ignored("no JSON"), SETTLED], [SETTLED], None),
-    ],
-)
-def test_what_must_close_closes_and_nothing_after_it_is_handled(
-    listener, accept, events, handled, problem
-):
-    owner = Owner(events)
-    channel = channel_to(listener, owner)
-    step(channel, 0.0)
-    accept().send(b"x")
-    step(channel, 0.0)
-    assert owner.handled == handled
-    assert (channel.socket is None) == (problem is not None)
-    assert (problem or "") in (channel.status.problem or "")
-    channel.close()
 
 
 def test_an_attempt_that_nobody_answers_is_given_up(listener):

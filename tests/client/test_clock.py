@@ -28,12 +28,3 @@ def test_the_examples_of_the_specification():
         assert each.ahead == pytest.approx(1028.87)
         assert each.error == pytest.approx(error)
     assert best([first, second]) == second
-
-
-def test_a_time_of_the_server_is_told_in_ours():
-    assert sample(1000.0, 5.0, 0.5, 0.5).here(1007.0) == pytest.approx(7.0)
-
-
-def test_without_a_sample_nothing_is_known():
-    with pytest.raises(ValueError, match="empty"):
-        best([])

@@ -1,7 +1,5 @@
 """The IPC channel's machine: what was announced, opened and lent, in bytes and events."""
 
-import math
-
 import pytest
 from splatbus_client.events import (
     Announced,
@@ -15,22 +13,20 @@ from splatbus_client.events import (
 
 from tests.client.machines import BOTH, COLOR, greeted, ipc, opened, receive, sent
 from tests.peers.fake_server import (
-    CAMERA,
     IPC_CAPABILITIES,
-    META,
     SLOTS,
     cuda_init_packet,
     frame,
     init_packet,
     welcome,
 )
-from tests.peers.raw_client import packet
 
 WELCOME = welcome(*IPC_CAPABILITIES)
 ERROR = {"type": "error", "code": "too_many_clients", "message": "full"}
 MALFORMED = {"camera": None}
 SECOND = init_packet(generation=2)
-OPENED, CLOSED = ("opened", 1), ("closed", 1)
+OPENED, FAILED, CLOSED = ("opened", 1), ("open_failed", 1), ("closed", 1)
+RELEASED = ("release", 1, 7)
 
 
 # What the owner does upon the newest event
@@ -61,13 +57,6 @@ def without_frames():
 
 
 EXCHANGES = {
-    "nothing is answered before welcome": (ipc, [init_packet()], [], []),
-    "what comes before welcome is announced after it": (
-        ipc,
-        [init_packet(), WELCOME],
-        [Negotiated, Announced],
-        [],
-    ),
     "a version that was not offered closes": (
         ipc,
         [welcome(version="2.0"), init_packet()],
@@ -86,55 +75,38 @@ EXCHANGES = {
         [Negotiated, Announced],
         [],
     ),
-    "to a welcome to 1.0 nothing is answered": (
+    "a broken one of 1.0 is ignored, and the next taken": (
         ipc,
-        [welcome(*IPC_CAPABILITIES, version="1.0"), cuda_init_packet(), opens, frame(1)],
-        [Negotiated, Announced, Ignored],
+        [cuda_init_packet(evt_done=None), cuda_init_packet()],
+        [Ignored, Negotiated, Announced],
         [],
     ),
     "memory of 1.0 comes too late after welcome": (greeted, [cuda_init_packet()], [Ignored], []),
-    "opened waits until the memory is mapped and checked": (
-        greeted,
-        [init_packet()],
-        [Announced],
-        [],
-    ),
     "each init packet is answered once": (greeted, [init_packet(), opens], [Announced], [OPENED]),
-    "memory that cannot be opened is declined": (
-        greeted,
-        [init_packet(), fails],
-        [Announced],
-        [("open_failed", 1)],
-    ),
-    "memory of a later version is announced as of one's own": (
-        greeted,
-        [init_packet(version="1.12", later={})],
-        [Announced],
-        [],
-    ),
     "what repeats a generation that is open is ignored": (
         opened,
         [init_packet(), init_packet(semantics=None), init_packet(version="2.0")],
         [Ignored] * 3,
         [],
     ),
-    "what repeats one that was declined is ignored": (
+    "a broken one is declined, what repeats it ignored, and the next taken": (
         greeted,
-        [init_packet(ring=None), init_packet()],
-        [Declined, Ignored],
-        [("open_failed", 1)],
+        [init_packet(ring=None), init_packet(), SECOND],
+        [Declined, Ignored, Announced],
+        [FAILED],
     ),
+    "one without a generation is ignored": (greeted, [init_packet(generation=0)], [Ignored], []),
     "a further init packet replaces the former, which is closed once": (
         opened,
         [frame(7), releases, SECOND, opens, closes, closes, frame(8), frame(9, generation=2)],
         [Lent, Announced, Ignored, Lent],
-        [("release", 1, 7), ("opened", 2), CLOSED],
+        [RELEASED, ("opened", 2), CLOSED],
     ),
     "a frame of what is being closed is given back unread": (
         opened,
         [SECOND, frame(7), frame(8)],
         [Announced],
-        [("release", 1, 7), ("release", 1, 8)],
+        [RELEASED, ("release", 1, 8)],
     ),
     "one that fails ends the former too": (
         opened,
@@ -154,13 +126,19 @@ EXCHANGES = {
         opened,
         [frame(7), releases, releases],
         [Lent],
-        [("release", 1, 7)],
+        [RELEASED],
     ),
-    "a number that does not grow is lent all the same": (
+    "a frame that cannot be read is given back if it was lent": (
         opened,
-        [frame(7), releases, frame(7), releases, frame(6), releases, frame(0), releases],
-        [Lent] * 4,
-        [("release", 1, 7), ("release", 1, 7), ("release", 1, 6), ("release", 1, 0)],
+        [frame(7) | MALFORMED, frame(8, slot=SLOTS) | MALFORMED, frame(8)],
+        [Ignored, Ignored, Lent],
+        [RELEASED],
+    ),
+    "a frame of what is not open is ignored": (
+        opened,
+        [frame(7, slot=SLOTS), frame(7, generation=2), frame(8)],
+        [Ignored, Ignored, Lent],
+        [],
     ),
     "a malformed frame never gives back what is being read": (
         opened,
@@ -172,12 +150,6 @@ EXCHANGES = {
         without_frames,
         [frame(7), frame(8) | MALFORMED],
         [Ignored, Ignored],
-        [],
-    ),
-    "before opened no frame is lent": (
-        greeted,
-        [init_packet(), frame(7)],
-        [Announced, Ignored],
         [],
     ),
 }
@@ -202,106 +174,17 @@ def test_what_a_server_sends_and_an_owner_does_has_these_events_and_answers(
     assert said == answers
 
 
-@pytest.mark.parametrize(
-    "broken",
-    [
-        *({"meta": META | {"pitchColor": 1}}, {"meta": META | {"w": 0}}, {"evt_done": None}),
-        {"mem_color": "AA=="},
-    ],
-)
-def test_an_invalid_init_packet_of_1_0_is_ignored_and_a_valid_one_after_it_taken(broken):
-    ignored, *events = receive(ipc(), cuda_init_packet(**broken), cuda_init_packet())
-    assert isinstance(ignored, Ignored)
-    assert isinstance(events[-1], Announced)
-
-
-def test_capabilities_are_only_those_that_both_have_and_of_1_0_none():
-    (event,) = receive(ipc(), welcome("frames", "x-new", "cuda_ipc"))
-    assert event.capabilities == {"frames"}
-    (event,) = receive(ipc(), welcome(*IPC_CAPABILITIES, version="1.0"))
-    assert event == Negotiated("1.0", event.server, frozenset())
-
-
-def test_a_reason_is_told_in_at_most_1024_characters():
-    machine = greeted()
-    (event,) = receive(machine, init_packet())
-    machine.open_failed(event.packet, "x" * 5000)
-    assert len(sent(machine)[0]["reason"]) == 1024
-
-
-@pytest.mark.parametrize(
-    "broken",
-    [
-        {"memory": {"kind": "host_shm", "name": "../../etc/passwd", "bytes": 5000}},
-        {"memory": None},
-        {"ring": {"slots": 0}},
-        {"version": "1.07"},
-        {"meta": {}},
-    ],
-)
-def test_an_invalid_init_packet_is_declined_if_its_generation_can_be_read(broken):
-    machine = greeted()
-    (event,) = receive(machine, init_packet(**broken))
-    (answer,) = sent(machine)
-    assert event == Declined(1, answer["reason"])
-    assert (answer["type"], answer["generation"]) == ("open_failed", 1)
-    assert isinstance(receive(machine, SECOND)[0], Announced)
-
-
-@pytest.mark.parametrize("generation", [0, -1, 1.5, "1", None, 2**53, True])
-def test_an_init_packet_without_a_generation_is_ignored(generation):
-    machine = greeted()
-    (event,) = receive(machine, init_packet(generation=generation))
-    assert isinstance(event, Ignored)
-    assert sent(machine) == []
-
-
-@pytest.mark.parametrize(
-    ("strange", "given_back"),
-    [
-        *(({"generation": generation}, False) for generation in (2, None)),
-        *(({"slot": slot}, False) for slot in (SLOTS, -1, "0")),
-        *((MALFORMED | strange, False) for strange in ({"slot": SLOTS}, {"generation": 2})),
-        ({"seq": None}, False),
-        (MALFORMED, True),
-        ({"camera": CAMERA | {"rotation": [0.0, 0.0, 0.0, 2.0]}}, True),
-        ({"objects": [{"object": "chair"}]}, True),
-        ({"renderedAt": "now"}, True),
-    ],
-)
-def test_a_frame_that_cannot_be_read_is_ignored_and_given_back_if_it_was_lent(strange, given_back):
-    machine = opened()
-    (event,) = receive(machine, frame(7, slot=1) | strange)
-    assert isinstance(event, Ignored)
-    assert [each["seq"] for each in sent(machine)] == [7] * given_back
-    assert isinstance(receive(machine, frame(8))[0], Lent)
-
-
-def test_a_subscription_goes_out_at_welcome_and_only_if_it_was_agreed():
+def test_a_subscription_goes_out_only_if_it_was_agreed_and_such_a_server_writes_both():
     assert sent(greeted(channels=COLOR)) == [{"type": "subscribe", "channels": ["color"]}]
-    machine = greeted("host_shm", "frames", channels=COLOR)
-    assert sent(machine) == []
-    (announced,) = receive(machine, init_packet())
-    machine.opened(announced.packet)
-    assert receive(machine, frame(7))[0].channels == BOTH, "such a server writes both"
+    machine = opened("host_shm", "frames", channels=COLOR)
+    assert receive(machine, frame(7))[0].channels == BOTH
 
 
 def test_a_channel_newly_subscribed_to_is_not_read_from_a_frame_that_may_be_older():
     machine = opened(channels=COLOR)
-    (first,) = receive(machine, frame(7))
-    assert first.channels == COLOR
-    machine.release(first.frame)
-    machine.subscribe(BOTH)
-    (under_way,) = receive(machine, frame(8))
-    assert under_way.channels == COLOR
-    machine.release(under_way.frame)
-    assert receive(machine, frame(9))[0].channels == BOTH
-
-
-def test_an_init_packet_may_take_for_ever_but_not_once_it_has_begun():
-    machine = ipc()
-    assert machine.deadline() == math.inf
-    assert list(machine.receive(packet(init_packet())[:100], 50.0)) == []
-    assert machine.expire(59.9) == []
-    (event,) = machine.expire(60.0)
-    assert isinstance(event, MustClose)
+    for seq, channels in ((7, COLOR), (8, COLOR), (9, BOTH)):
+        (lent,) = receive(machine, frame(seq))
+        assert lent.channels == channels
+        machine.release(lent.frame)
+        if seq == 7:
+            machine.subscribe(BOTH)

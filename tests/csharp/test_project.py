@@ -2,13 +2,11 @@
 
 import json
 import subprocess
-from pathlib import Path
 from xml.etree import ElementTree
 
 from splatbus_schemas.prose import CHECKOUT
 
 from tests.csharp.compiled import FOLDER
-from tests.csharp.unity_stub.building import mcs
 from tests.csharp.unity_stub.metas import sources
 
 CLIENT = FOLDER / "SplatBus.Client"
@@ -21,12 +19,6 @@ def said(name: str) -> str:
     (found,) = PROJECT.iter(name)
     assert found.text
     return found.text
-
-
-def test_it_says_what_the_sources_need() -> None:
-    assert said("TargetFramework") == "netstandard2.1"
-    assert said("AllowUnsafeBlocks") == "true"
-    assert not list(PROJECT.iter("PackageReference"))
 
 
 def test_it_is_the_package_that_unity_has() -> None:
@@ -66,13 +58,3 @@ def test_what_it_builds_is_nothing_to_unity_and_git() -> None:
         assert name.endswith("~")  # what Unity does not import
         line = ["git", "check-ignore", "--quiet", str(CLIENT / name / "SplatBus.Client.dll")]
         assert subprocess.run(line, cwd=CHECKOUT).returncode == 0, name
-
-
-def test_its_documentation_is_whole(tmp_path: Path) -> None:
-    """With the warnings that the file leaves out: what is referred to is there, and no other is."""
-    assert said("GenerateDocumentationFile") == "true"
-    spared = said("NoWarn").split(";")[1:]
-    assert spared == ["1573", "1591"]
-    line = ["-target:library", f"-doc:{tmp_path / 'client.xml'}", f"-nowarn:{','.join(spared)}"]
-    mcs(tmp_path / "client.dll", *line, *sources(CLIENT))
-    assert len(ElementTree.parse(tmp_path / "client.xml").findall("members/member")) > 50

@@ -49,10 +49,8 @@ def planes(pose: Pose, width: int = WIDTH, height: int = HEIGHT) -> tuple[Any, A
 
 
 @contextmanager
-def asked(
-    line: Sequence[str], where: dict[str, str], *, greets: bool = False
-) -> Iterator[Callable[[str], Answer]]:
-    """A program that answers each line with one of JSON, after a first one if it greets."""
+def asked(line: Sequence[str], where: dict[str, str]) -> Iterator[Callable[[str], Answer]]:
+    """A program that answers each line with one of JSON."""
     pipe = subprocess.PIPE
     with subprocess.Popen(line, env=where, stdin=pipe, stdout=pipe, text=True) as process:
         told, heard = process.stdin, process.stdout
@@ -65,8 +63,6 @@ def asked(
             answer: Answer = json.loads(heard.readline())
             return answer
 
-        if greets:
-            heard.readline()
         yield ask
         told.close()
     assert process.returncode == 0

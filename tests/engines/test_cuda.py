@@ -1,80 +1,16 @@
 """Images in memory of a GPU, here the stand-in's, where the harness does not look."""
 
-import json
-import socket
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from hashlib import sha256
 from pathlib import Path
 
-import numpy as np
-import pytest
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, text_of
 from splatbus_conformance.images.memory.cuda_stand_in.usage import held
 
 from tests.conformance.images.cuda_stand_in.library import stand_in
-from tests.engines.built import Command, answers, built
-from tests.engines.stage import Answer, asked
+from tests.engines.built import answers, built
 from tests.wire.payloads import payload
 from tests.wire.test_init_packet import CUDA, with_value
 
-LIMIT_SECONDS = 60
 NOBODY = "01234567-89ab-cdef-0123-456789abcdef"
-
-
-@contextmanager
-def serving(image: DeviceImage) -> Iterator[dict[str, str]]:
-    """A server of 1.0 with this image; where its clients are to connect."""
-    text = payload(image.init_packet())
-    packet = len(text).to_bytes(4, "little") + text
-    with ExitStack() as stack:
-        ports = {}
-        for name, first in (("IPC", packet), ("MSG", b"")):
-            listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
-            ports[f"SPLATBUS_{name}_PORT"] = str(listener.getsockname()[1])
-            threading.Thread(target=stay, args=(listener, first), daemon=True).start()
-        yield ports
-
-
-def stay(listener: socket.socket, first: bytes) -> None:
-    """Say it to the one client, and take what it says until it leaves."""
-    client, _ = listener.accept()
-    with client:
-        client.sendall(first)
-        while client.recv(65_536):
-            pass
-
-
-@pytest.mark.parametrize("how", [(), ("device",)])
-def test_each_look_is_at_what_lies_there_then(how: tuple[str, ...], cpp_adapter: Command) -> None:
-    with stand_in() as it:
-        image = DeviceImage(it.device)
-        image.draw(0)
-        line = [*cpp_adapter, "opengl", *how]
-        with (
-            serving(image) as ports,
-            asked(line, it.environment() | ports, greets=True) as ask,
-        ):
-            ask(json.dumps({"id": 1, "command": "start"}))
-            seqs = []
-            for number in range(3):
-                image.draw(number)
-                until = time.monotonic() + LIMIT_SECONDS
-                shown: Answer = {}
-                while digests(image) != [shown.get(each) for each in ("color", "depth")]:
-                    assert time.monotonic() < until, f"image {number} is not seen"
-                    shown = ask(json.dumps({"id": 2, "command": "digest"}))
-                seqs.append(shown["seq"])
-            told = ask(json.dumps({"id": 3, "command": "init_packet"}))
-            ask(json.dumps({"id": 4, "command": "stop"}))
-    assert sorted(set(seqs)) == seqs, "each copy has a number of its own"
-    meaning = told["images"]["semantics"]
-    assert (told["images"]["width"], meaning["alpha"], meaning["depth"]["empty"]) == (
-        *(64, "straight"),
-        "inf",
-    )
 
 
 def test_what_cannot_be_opened_is_refused_and_why(tmp_path: Path) -> None:
@@ -124,12 +60,3 @@ def test_what_cannot_be_opened_is_refused_and_why(tmp_path: Path) -> None:
         assert held(it.calls()) == set(), "what was opened before it failed is closed"
     wanted = [why for why, packets in cases.items() for _ in packets]
     assert [why in each for why, each in zip(wanted, told, strict=True)] == len(told) * [True], told
-
-
-def digests(image: DeviceImage) -> list[str]:
-    """Of the planes, rows from the top."""
-    painted = image.painting()
-    return [
-        sha256(np.ascontiguousarray(each).tobytes()).hexdigest()
-        for each in (painted.color, painted.depth)
-    ]

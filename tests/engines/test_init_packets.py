@@ -78,23 +78,3 @@ def is_known(language: str, message: dict[str, Any]) -> bool:
     memory = message.get("memory")
     is_on_a_gpu = isinstance(memory, dict) and memory.get("kind") == "cuda_ipc"
     return language == "cpp" or ("version" in message and not is_on_a_gpu)
-
-
-def test_a_server_of_1_0_and_memory_of_a_gpu(language: str, program: Command) -> None:
-    old, gpu = answers(program, [payload(LEGACY), payload(CUDA)])
-    assert old.startswith("taken")
-    if language == "cpp":
-        assert gpu.startswith("taken")
-    else:
-        assert "'/memory/kind' is none of host_shm" in gpu
-
-
-def test_slots_that_do_not_fit_are_refused(language: str, program: Command) -> None:
-    """[MEM-9, MEM-10]"""
-    for base in KNOWN[language]:
-        if "ring" in base:
-            overlapping = with_value(base, "/ring/depthOffset", base["ring"]["colorOffset"])
-            beyond = with_value(base, "/memory/bytes", base["memory"]["bytes"] - 1)
-            told = answers(program, [payload(overlapping), payload(beyond)])
-            named = [re.findall(r"\[([A-Z]{3}-\d+)\]", each) for each in told]
-            assert named == [["MEM-9"], ["MEM-10"]]

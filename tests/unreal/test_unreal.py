@@ -3,8 +3,6 @@
 import json
 import math
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +12,12 @@ from splatbus_server import Intrinsics, Semantics
 from splatbus_wire.poses import Pose
 
 from tests.conformance.images.cuda_stand_in.library import stand_in
-from tests.csharp.unity_stub.building import mcs
 from tests.csharp.unity_stub.running import rendered, stepped
 from tests.engines import shading
-from tests.engines.built import CPP
 from tests.engines.stage import HEIGHT, WIDTH, serving
-from tests.engines.test_cuda import serving as serving_1_0
+from tests.peers.fake_server import FakeServer
 from tests.unreal import building
-from tests.unreal.building import MODULE, PLUGIN, SHADERS, STUB, UNREAL, headers, sources
+from tests.unreal.building import MODULE, PLUGIN, SHADERS, headers, sources
 from tests.unreal.running import FAR, NEAR, Drawn, Eye, check_drawn, view
 from tests.waiting import eventually
 
@@ -43,24 +39,6 @@ MODULES = {
     "RHI": "DataDrivenShaderPlatformInfo.h RHI.h RHICommandList.h",
 }
 """Which module of Unreal has a header, as its documentation says."""
-
-
-def test_every_source_compiles_by_itself(tmp_path: Path) -> None:
-    """In C++20 without exceptions and RTTI, as Unreal has it."""
-    for each in sources():
-        building.compiled(each.stem, each, ["-fsyntax-only"], tmp_path)
-
-
-def test_every_source_says_its_licence_and_every_stub_what_it_is() -> None:
-    ours = [each for end in ("h", "cpp", "cs", "usf", "ush") for each in PLUGIN.rglob(f"*.{end}")]
-    stubs = [*STUB.rglob("*.h"), *STUB.rglob("*.cs")]
-    assert len(ours) > 15
-    for each in (*ours, *stubs, *STUB.parent.glob("*.cpp")):
-        assert each.read_text("utf-8").startswith("// SPDX-License-Identifier: MIT\n"), each
-    for each in stubs:
-        assert "ours, without a line of Unreal's" in each.read_text("utf-8")[:250], each
-    for each in ours:
-        assert not re.search(r"^ ", each.read_text("utf-8").replace("\n *", "\n\t*"), re.M), each
 
 
 def test_the_plugin_says_what_unreal_needs() -> None:
@@ -99,42 +77,6 @@ def test_the_rules_name_the_modules_that_the_headers_are_of() -> None:
     assert public | private == needed([*headers(), *sources()]) | {"CoreUObject"}
 
 
-def test_the_rules_find_the_clients_headers(tmp_path: Path) -> None:
-    """Those that were copied into the plugin, else those of this repository, else none."""
-    rules = MODULE / "SplatBus.Build.cs"
-    program = mcs(tmp_path / "rules.exe", rules, STUB / "UnrealBuildTool.cs")
-    renderer, plugin = tmp_path / "Renderer", tmp_path / "Plugins" / "SplatBus"
-    (renderer / "Internal").mkdir(parents=True)
-
-    def found(folder: Path) -> list[Path]:
-        line = ["mono", str(program), str(folder), str(renderer)]
-        done = subprocess.run(line, capture_output=True, text=True, timeout=60)
-        assert done.returncode == 0, done.stderr
-        return [Path(each) for each in done.stdout.splitlines()]
-
-    assert found(PLUGIN) == [CPP / "include", renderer / "Internal"]
-    shutil.copytree(PLUGIN, plugin)
-    with pytest.raises(AssertionError, match="ThirdParty/splatbus/include"):
-        found(plugin)
-    copy = plugin / "ThirdParty" / "splatbus" / "include"
-    shutil.copytree(CPP / "include", copy)
-    assert found(plugin)[0] == copy
-
-
-def test_reflected_headers_are_as_the_header_tool_wants_them() -> None:
-    """Each with one type, which is what the stub can do, and its generated header last."""
-    for each in headers():
-        text = each.read_text("utf-8")
-        assert text.split("\n", 1)[1].lstrip().startswith(("#pragma once", "//")), each
-        if building.generated(each) is None:
-            assert "GENERATED_BODY" not in text
-            continue
-        assert each.parent.name == "Public"
-        assert re.findall(r'#include "(.+)"', text)[-1] == f"{each.stem}.generated.h"
-        assert text.count("GENERATED_BODY()") == 1
-        assert re.search(rf"(class|struct) SPLATBUS_API [UF]{each.stem}\b", text), each
-
-
 def test_the_shader_has_the_parameters_that_the_pass_sets() -> None:
     pixel, composite = (
         (SHADERS / f"SplatBus{name}").read_text("utf-8") for name in ("Pixel.ush", "Composite.usf")
@@ -157,18 +99,6 @@ def test_the_shader_has_the_parameters_that_the_pass_sets() -> None:
     for each in (file, *re.findall(r'#include "(/Plugin/.+)"', composite)):
         assert (SHADERS.parent / Path(each).relative_to(virtual)).is_file()
     assert f"void {entry}(" in composite
-
-
-def test_the_page_names_every_property() -> None:
-    page = (UNREAL / "README.md").read_text("utf-8")
-    for name in ("ViewComponent", "Settings"):
-        text = (MODULE / "Public" / f"SplatBus{name}.h").read_text("utf-8")
-        edited = re.findall(
-            r"UPROPERTY\((?:config, )?EditAnywhere.*\)\n\t.+? (\w+)(?: =.*)?;", text
-        )
-        assert len(edited) >= 3
-        for each in edited:
-            assert re.search(rf"^\|.*\b{each.removeprefix('b')}\b.*\|", page, re.M), each
 
 
 @pytest.fixture(scope="module")
@@ -327,12 +257,16 @@ def test_it_says_what_is_wrong(driver: Path) -> None:
 
 
 def test_images_of_1_0_are_not_shown_and_why(driver: Path) -> None:
+    server = FakeServer()
+    ports = {"IPC": server.ipc_port, "MSG": server.message_port}
+    where = {f"SPLATBUS_{name}_PORT": str(port) for name, port in ports.items()}
     with stand_in() as it:
         image = DeviceImage(it.device)
-        image.draw(0)
-        with serving_1_0(image) as ports, view(driver, it.environment() | ports) as ask:
+        with view(driver, it.environment() | where) as ask:
+            server.ipc().send(image.init_packet())
             state = stepped(ask, lambda state: "what camera" in str(state["problems"]))
             assert state["images"] == 0
+    server.stop()
 
 
 def test_who_waits_for_control_is_told_and_who_has_it_no_more(driver: Path) -> None:

@@ -15,14 +15,6 @@ def nowhere(monkeypatch):
     monkeypatch.setenv("SPLATBUS_MSG_PORT", str(server.message_port))
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["view", "--help"], ["snapshot", "--help"]])
-def test_help_is_there(arguments, capsys):
-    with pytest.raises(SystemExit) as done:
-        main(arguments)
-    assert done.value.code == 0
-    assert "splatbus-client" in capsys.readouterr().out
-
-
 def test_help_teaches_the_environment(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])

@@ -1,9 +1,7 @@
 """Waits of poses for their images."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from splatbus_viewer.latency import Latencies, histogram, percentiles
+from splatbus_viewer.latency import Latencies, percentiles
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY, Pose
 
@@ -24,16 +22,6 @@ def test_a_tag_ends_the_wait_of_its_pose_whatever_the_pose():
     latencies.shown(camera(tag="another viewer's"), 5.0)
     latencies.shown(camera(tag="v-2"), 2.5)
     assert list(latencies.seconds) == [0.25, 0.5]
-
-
-def test_a_tag_that_comes_back_ends_the_wait_for_all_before_it():
-    latencies = Latencies()
-    for number in range(5):
-        latencies.asked_for(f"v-{number}", float(number))
-    latencies.shown(camera(tag="v-3"), 4.0)
-    latencies.shown(camera(tag="v-2"), 9.0)
-    assert list(latencies.seconds) == [1.0]
-    assert list(latencies._asked) == ["v-4"]
 
 
 def test_without_tags_poses_are_compared():
@@ -61,25 +49,3 @@ def test_what_never_comes_back_is_forgotten():
 )
 def test_percentiles(seconds, expected):
     assert percentiles(seconds) == pytest.approx(expected)
-
-
-@given(st.lists(st.floats(0.0, 1e3), min_size=1, max_size=50))
-def test_every_wait_is_counted_once_and_in_its_row(seconds):
-    head, *rows = histogram(seconds)
-    assert f"{len(seconds)} images" in head
-    for row in rows:
-        least, _, end, _, *_, count = row.split()
-        within = [wait for wait in seconds if float(least) <= 1e3 * wait < float(end)]
-        assert len(within) == int(count)
-    assert sum(int(row.split()[-1]) for row in rows) == len(seconds)
-
-
-def test_rows_reach_from_the_shortest_to_the_longest_wait():
-    _, *rows = histogram([0.0021, 0.0022, 0.0109])
-    assert [row.split()[0] for row in rows] == ["2", "3", "5", "7", "10"]
-    assert rows[0].endswith("█" * 40 + " 2")
-    assert rows[-1].split()[2] == "15"
-
-
-def test_nothing_has_no_histogram():
-    assert histogram([]) == []

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from splatbus_viewer.display import Shown
-from splatbus_viewer.mesh import ring_around
 from splatbus_viewer.picture import three_panels
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.poses import IDENTITY
@@ -50,18 +49,6 @@ def test_nearer_is_brighter_and_nothing_is_grey():
     empty = depth[:, :24]
     assert (np.ptp(empty, axis=-1) == 0).all()
     assert (np.ptp(depth[:, 24:], axis=-1) > 40).all(), "no depth looks like nothing"
-
-
-def test_the_mesh_is_seen_only_where_it_is_nearer():
-    shown = image()
-    color, _, composite = panels(shown)
-    _, ring = ring_around(shown)
-    before = (ring < shown.depth) & np.isfinite(shown.depth)
-    behind = np.isfinite(ring) & (ring > shown.depth)
-    assert before.sum() > 100
-    assert behind.sum() > 100
-    assert (composite[behind] == color[behind]).all()
-    assert (composite[before] != color[before]).any(axis=-1).all()
 
 
 @pytest.mark.parametrize("depth", [np.inf, 3.0])

@@ -5,7 +5,7 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_viewer.poses import look_at, parse_look_at, parse_pose, same_view
+from splatbus_viewer.poses import look_at, parse_pose, same_view
 from splatbus_wire.poses import Pose
 from splatbus_wire.rotations import rotation_matrix
 
@@ -22,10 +22,6 @@ def test_a_pose_is_position_then_quaternion():
 def test_what_is_no_pose_is_refused(text):
     with pytest.raises(ValueError, match=r"float|7 finite"):
         parse_pose(text)
-
-
-def test_looking_ahead_is_no_turn():
-    assert parse_look_at("1,2,3,1,2,9") == Pose((1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0))
 
 
 @given(POINTS, POINTS)

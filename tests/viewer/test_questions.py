@@ -3,9 +3,6 @@
 import time
 
 from splatbus_viewer.questions import Questions
-from splatbus_wire.poses import IDENTITY
-
-from tests.peers.fake_server import CAMERA_REPLY, HEIGHT, POSITION, WIDTH
 
 
 def follow(questions, until):
@@ -25,20 +22,3 @@ def test_questions_of_connections_that_ended_are_not_kept(server, session):
         message.receive_type("get_camera_pose")
         message.close()
     assert len(session._steering.questions) <= 3
-
-
-def test_camera_and_size_are_asked_for_once_connected(server, session):
-    questions = Questions(session)
-    questions.follow()
-    assert (questions.camera, questions.size) == (IDENTITY, (0, 0))
-    message = server.message_1_1()
-    assert follow(questions, lambda: session.status.message.connections == 1)
-    questions.follow()
-    request = message.receive_type("get_camera_pose")
-    message.send({"type": "camera", **CAMERA_REPLY, "id": request["id"]})
-    assert follow(questions, lambda: questions.camera.position == POSITION)
-    if questions.size == (0, 0):  # the session's own question was answered before ours came
-        request = message.receive_type("get_viewport_size")
-        size = {"viewport_size": [WIDTH, HEIGHT], "id": request["id"]}
-        message.send({"type": "viewport_size", **size})
-    assert follow(questions, lambda: questions.size == (WIDTH, HEIGHT))

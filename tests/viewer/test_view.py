@@ -3,6 +3,7 @@
 import io
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -22,7 +23,6 @@ from tests.peers.fake_server import (
     ROTATION,
     WIDTH,
     FakeServer,
-    Memory,
     frame,
     init_packet,
 )
@@ -72,57 +72,7 @@ def test_an_orbit_begins_at_its_center_stays_in_the_image_plane_and_comes_back()
     assert orbit(POSE, ORBIT_SECONDS).position == pytest.approx(POSE.position)
 
 
-def test_it_asks_steers_around_the_scene_s_camera_and_asks_again_after_a_reconnect(server):
-    with viewer(server, "--rate", "100"):
-        for _ in range(2):
-            message = server.message_1_1()
-            seen = asked_for_camera(message)
-            while seen[-1].get("position", {}).get("z", 0) < 4:
-                seen.append(message.receive())
-            assert math.dist(list(seen[-1]["position"].values()), POSE.position) < 1
-            kinds = {m["type"] for m in seen}
-            assert kinds >= {"camera_pose", "point_cloud_pose"}
-            times = [m["timestamp"] for m in seen if "timestamp" in m]
-            assert times == sorted(times)
-            message.reset()
-
-
-def test_a_size_that_is_unknown_is_asked_for_until_it_is_known(server):
-    with viewer(server):
-        message = server.message_1_1((0, 0))
-        asked_for_camera(message)
-        for size in ([0, 0], [0, 0], [WIDTH, HEIGHT]):
-            request = message.receive_type("get_viewport_size")
-            reply = {"type": "viewport_size", "id": request["id"], "viewport_size": size}
-            message.send(reply)
-
-
-def test_poses_are_tagged_unmistakably_where_the_server_speaks_1_1(server):
-    beginnings = set()
-    for _ in range(2):
-        with viewer(server, "--rate", "100"):
-            server.ipc()
-            message = server.message_1_1()
-            asked_for_camera(message)
-            tags = [message.receive_type("camera_pose").get("tag") for _ in range(4)][1:]
-            assert len(set(tags)) == 3
-            (beginning,) = {tag.split("-")[0] for tag in tags}
-            beginnings.add(beginning)
-    assert len(beginnings) == 2
-
-
-def test_poses_to_1_0_have_no_tag(server):
-    with viewer(server, "--rate", "100"):
-        message = server.message()
-        message.receive_type("get_viewport_size")
-        message.send({"viewport_size": [WIDTH, HEIGHT]})
-        message.receive_type("get_camera_pose")
-        message.send(CAMERA_REPLY)
-        for _ in range(4):
-            assert "tag" not in message.receive_type("camera_pose")
-
-
-def test_a_tag_that_comes_back_is_a_latency_and_at_the_end_a_histogram(server, memory):
+def test_a_tag_that_comes_back_is_a_latency(server, memory):
     with viewer(server, "--rate", "100") as process:
         ipc, message = server.ipc_1_1(), server.message_1_1()
         asked_for_camera(message)
@@ -135,8 +85,7 @@ def test_a_tag_that_comes_back_is_a_latency_and_at_the_end_a_histogram(server, m
             ipc.receive_type("release")
         process.send_signal(signal.SIGTERM)
         out, _ = process.communicate(timeout=30)
-    assert "latency from pose to image, 1 images" in out
-    assert "█ 1" in out.splitlines()[-1]
+    assert re.search(r"3 frames, .* latency [\d.]+ ms \(p99 [\d.]+\)", out.splitlines()[-1])
 
 
 def test_a_size_is_asked_for_on_each_connection_and_its_refusal_told(server):
@@ -156,51 +105,6 @@ def test_a_size_is_asked_for_on_each_connection_and_its_refusal_told(server):
         process.send_signal(signal.SIGTERM)
         _, err = process.communicate(timeout=30)
     assert "the images keep their size: the server answered unsupported: no" in err
-
-
-def test_every_frame_is_read_and_released(server, memory):
-    with viewer(server) as process:
-        ipc = server.ipc_1_1()
-        ipc.send(init_packet(memory.name))
-        ipc.receive_type("opened")
-        for seq in range(5):
-            ipc.send(frame(seq, slot=seq % 3))
-            assert ipc.receive() == {"type": "release", "generation": 1, "seq": seq}
-        process.send_signal(signal.SIGTERM)
-        out, _ = process.communicate(timeout=30)
-        assert "5 frames" in out.splitlines()[-1]
-
-
-@pytest.fixture
-def other():
-    other = Memory()
-    yield other
-    other.remove()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="memory keeps its size elsewhere")
-@pytest.mark.parametrize("reinit", [True, False])
-def test_memory_that_is_cut_short_ends_no_viewer(server, memory, other, reinit):
-    with viewer(server) as process:
-        ipc = server.ipc_1_1("host_shm", "frames", *(["reinit"] if reinit else []))
-        ipc.send(init_packet(memory.name))
-        ipc.receive_type("opened")
-        os.truncate(memory.path, 0)
-        ipc.send(frame(1))
-        if reinit:
-            ipc.receive_type("closed")
-            ipc.send(init_packet(other.name, generation=2))
-            ipc.receive_type("opened")
-        else:
-            assert ipc.ended()
-            ipc = server.ipc_opened(other, generation=2)
-        ipc.send(frame(2, generation=2))
-        assert ipc.receive() == {"type": "release", "generation": 2, "seq": 2}
-        process.send_signal(signal.SIGTERM)
-        out, err = process.communicate(timeout=30)
-    assert process.returncode == 0
-    assert "1 frames" in out.splitlines()[-1]
-    assert "was cut to 0 bytes" in err
 
 
 def test_poses_wait_for_the_images_of_the_former(server, memory):
@@ -246,21 +150,13 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_who_else_has_control_is_told():
-    connected = ChannelStatus(True, 1, "1.1")
-    out = io.StringIO()
-    status = Status(connected, connected, None, "another client has control")
-    _Report(out).update(status, _Frames(), (320, 240))
-    assert out.getvalue().endswith("message 1.1; another client has control\n")
-
-
 @pytest.mark.parametrize(("out", "lines"), [(io.StringIO(), 2), (Terminal(), 1)])
 def test_a_status_is_written_seldom_and_on_a_terminal_in_place(out, lines):
     report, frames = _Report(out), _Frames()
     connected = ChannelStatus(True, 1, "1.1")
-    for status in [Status(ChannelStatus(), ChannelStatus(), None)] * 50 + [
-        Status(connected, connected, None)
-    ] * 50:
+    busy = Status(connected, connected, None, "another client has control")
+    for status in [Status(ChannelStatus(), ChannelStatus(), None)] * 50 + [busy] * 50:
         report.update(status, frames, (320, 240))
     assert out.getvalue().count("frames") == lines
+    assert out.isatty() or out.getvalue().endswith("message 1.1; another client has control\n")
     assert ("\n" in out.getvalue()) != out.isatty()

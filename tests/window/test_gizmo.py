@@ -45,8 +45,3 @@ def test_a_handle_in_the_middle_turns_an_object_about_its_middle() -> None:
     matrix[:3, :3] = half
     after = placed("chair", matrix, middle, eye)
     assert np.allclose(after.pose.position, (5.0, 0.0, 0.0))
-
-
-def test_a_scale_stays_within_what_may_be_sent() -> None:
-    matrix = np.diag([1e9, 1e9, 1e9, 1.0])
-    assert placed("chair", matrix, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)).scale == 1e6

@@ -21,20 +21,10 @@ def heard(*events: tuple[str, str, bytes]) -> Packets:
 def test_packets_are_cut_as_they_were_framed(payloads: list[bytes], step: int) -> None:
     stream = b"".join(map(encode_packet, payloads))
     pieces = [stream[at : at + step] for at in range(0, len(stream), step)]
-    log = heard(("IPC", "connected", b""), *(("IPC", "received", each) for each in pieces))
+    lost = [("IPC", "connected", b""), ("IPC", "received", b"\x09\0\0\0unfinished"[:9])]
+    log = heard(*lost, lost[0], *(("IPC", "received", each) for each in pieces))
     assert [each.payload for each in log.newest] == payloads
     assert {each.way for each in log.newest} <= {"received"}
-
-
-def test_what_a_lost_connection_left_unfinished_is_no_part_of_the_next_one() -> None:
-    whole = encode_packet(b'{"type":"frame"}')
-    log = heard(
-        ("IPC", "connected", b""),
-        ("IPC", "received", whole[:9]),
-        ("IPC", "connected", b""),
-        ("IPC", "received", whole),
-    )
-    assert [each.payload for each in log.newest] == [whole[4:]]
 
 
 @pytest.mark.parametrize("token", ["secret", 'a "quoted\\ one', "ü"])

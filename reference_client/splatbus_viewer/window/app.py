@@ -17,10 +17,11 @@ from splatbus_client.status import why_no_frame
 from splatbus_wire.messages import FrameCamera
 from splatbus_wire.settings import Settings
 
+from splatbus_viewer.display import range_of
 from splatbus_viewer.window import MODES, hands, panels
 from splatbus_viewer.window.choices import Choices, assumed_camera
 from splatbus_viewer.window.conversation import Conversation
-from splatbus_viewer.window.drawing.picture import Picture, Region, fitted, range_of
+from splatbus_viewer.window.drawing.picture import Picture, Region, fitted
 from splatbus_viewer.window.packets import Packets
 from splatbus_viewer.window.panels.layout import Area, hold
 from splatbus_viewer.window.screen import SETTLING_SECONDS, Screen, wake

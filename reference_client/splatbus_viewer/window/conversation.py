@@ -20,10 +20,10 @@ from splatbus_wire.messages import (
     Placement,
     Request,
     Scene,
-    SetViewport,
 )
 from splatbus_wire.poses import Pose
 
+from splatbus_viewer.sizes import Sizes
 from splatbus_viewer.window.cameras import Eye
 from splatbus_viewer.window.choices import Choices
 from splatbus_viewer.window.figures import Course, Images, Telemetries
@@ -32,7 +32,6 @@ PATIENCE_SECONDS = 0.25
 """A pose is not held back longer than that for the image of the one before [POS-12]."""
 REST_SECONDS = 0.2
 """A window that is being drawn larger asks for its size once it rests."""
-BUSY_SECONDS = 0.25
 PING_SECONDS = 1.0
 
 
@@ -41,7 +40,7 @@ class Conversation:
 
     Attributes:
         scene: what it consists of, once that is known.
-        problems: what the server refused last, by what it was asked for.
+        refused: what the server refused last, by what it was asked for.
         round_trip: course of the pings, milliseconds.
         telemetries: the server's own figures.
         images: what came.
@@ -49,7 +48,7 @@ class Conversation:
 
     def __init__(self, session: Session) -> None:
         self.scene: Scene | None = None
-        self.problems: dict[str, str] = {}
+        self.refused: dict[str, str] = {}
         self.round_trip = Course("ms")
         self.telemetries = Telemetries()
         self.images = Images()
@@ -66,7 +65,7 @@ class Conversation:
         self._names: frozenset[str] | None = frozenset()
         self._pinged = 0.0
         self._wanted, self._wanted_since = (0, 0), 0.0
-        self._asked_size, self._asks_again_at = (0, 0), 0.0
+        self._sizes = Sizes()
 
     def follow(
         self,
@@ -115,12 +114,19 @@ class Conversation:
         """Whether it is known that the server's images do not follow the window's size."""
         status = self._session.status.message
         lacks = status.version is not None and "viewport" not in status.capabilities
-        return lacks or "size" in self.problems
+        return lacks or self._sizes.problem is not None
+
+    @property
+    def problems(self) -> list[str]:
+        """What the server refused, in words."""
+        size = self._sizes.problem
+        return [*self.refused.values(), *([] if size is None else [size])]
 
     @property
     def is_answered(self) -> bool:
         """Whether no answer is awaited, nor the image of a pose."""
-        return set(self._answers) <= {"ping"} and self._awaited is None
+        waits = self._sizes.under_way or self._awaited is not None
+        return set(self._answers) <= {"ping"} and not waits
 
     def jump(self, index: int) -> None:
         """Ask for a camera of the scene, to look through it once the answer is here."""
@@ -131,8 +137,7 @@ class Conversation:
         for former in self._answers.values():
             former.cancel()
         self._answers.clear()
-        self.problems.clear()
-        self._asked_size = (0, 0)
+        self.refused.clear()
         self._ask("scene", GetScene())
         if self._session.images is None:
             self._ask("first camera", GetCameraPose(0))
@@ -147,12 +152,10 @@ class Conversation:
             answer = self._answers.pop(name)
             problem = answer.exception()
             if problem is None:
-                self.problems.pop(name, None)
+                self.refused.pop(name, None)
                 self._take(name, answer.result(), choices, now)
             elif isinstance(problem, ServerRefusedError):
-                self.problems[name] = str(problem)
-                if problem.error.code == "busy" and name == "size":
-                    self._asked_size, self._asks_again_at = (0, 0), now + BUSY_SECONDS
+                self.refused[name] = str(problem)
             elif not isinstance(problem, NotOfferedError):
                 raise problem
 
@@ -192,13 +195,9 @@ class Conversation:
     def _ask_size(self, size: tuple[int, int], now: float) -> None:
         if size != self._wanted:
             self._wanted, self._wanted_since = size, now
-        if size == self._asked_size or "size" in self._answers or not all(size):
-            return
-        if "viewport" not in self._session.status.message.capabilities:
-            return
-        if now >= max(self._wanted_since + REST_SECONDS, self._asks_again_at):
-            self._asked_size = size
-            self._ask("size", SetViewport(*size))
+        rests = all(size) and now >= self._wanted_since + REST_SECONDS
+        able = "viewport" in self._session.status.message.capabilities
+        self._sizes.turn(self._session, size if rests and able else None, now)
 
     def _ping(self, now: float) -> None:
         if now >= self._pinged + PING_SECONDS and "ping" not in self._answers:

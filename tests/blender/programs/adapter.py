@@ -4,9 +4,7 @@ What the extension does by a timer in Blender's window is done here after each c
 background, no timer of Blender's runs. What Blender has no part in is the Python client's adapter.
 """
 
-import json
 import os
-import sys
 from pathlib import Path
 
 import bpy
@@ -121,28 +119,9 @@ def _put(thing, position, rotation):
     service.tell()
 
 
-def main():
-    ours = Adapter()
-    can = [name for name in dir(ours) if not name.startswith("_")]
-    client = {"name": "splatbus-blender", "version": bpy.app.version_string}
-    units = {"axes": "blender", "unitsPerMetre": 1, "precision": "single"}
-    print(json.dumps({"adapter": "1", "client": client, **units, "can": can}), file=LINES)
-    for line in sys.stdin:
-        members = json.loads(line)
-        number, name = members.pop("id"), members.pop("command")
-        try:
-            if name not in can:
-                raise ValueError(f"there is no command {name!r}")
-            answer = getattr(ours, name)(**members)
-        except Exception as error:
-            answer = {"error": f"{type(error).__name__}: {error}"}
-        print(json.dumps({"id": number, **answer}, allow_nan=False), file=LINES)
-        if name == "stop":
-            break
-
-
 properties.register()
 engine.register()
-main()
+client = {"name": "splatbus-blender", "version": bpy.app.version_string}
+adapter.serve(Adapter(), LINES, client, axes="blender", unitsPerMetre=1, precision="single")
 engine.unregister()  # 4.2 crashes at its end where a class of an engine is left behind
 properties.unregister()

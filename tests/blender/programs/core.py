@@ -91,13 +91,6 @@ def check_parents_and_constraints_count():
     assert reading.placed(parent).position == tuple(parent.matrix_world.translation)
 
 
-def check_what_no_pose_can_say():
-    thing = new("odd")
-    for scale, why in (((-1, 1, 1), "reflection"), ((0, 1, 1), "no size")):
-        moved(thing, "XYZ", scale)
-        assert why in complaint(reading.placed, thing)
-
-
 def check_views():
     camera = new("eye", bpy.data.cameras.new("eye"))
     parent = moved(new("dolly"), "QUATERNION")
@@ -133,12 +126,6 @@ def check_lenses():
             assert abs(a - b) <= 4e-6 * max(abs(b), film.width), (name, a, b, fit, size, aspect)
     data.type = "ORTHO"
     assert "perspective" in complaint(reading.optics, data)
-
-
-def check_time():
-    scene.render.fps, scene.render.fps_base, scene.frame_start = 30, 1.001, 1
-    scene.frame_set(31, subframe=0.5)
-    near(reading.seconds(scene), 30.5 * 1.001 / 30, 1e-7)
 
 
 for name, check in [*globals().items()]:

@@ -116,13 +116,13 @@ def check_an_undo_is_shown():
 
 def check_a_turn_that_fails_is_not_the_last():
     """Blender never calls a timer again that raised."""
-    tell = service().tell
+    tell, fault = service().tell, "ZeroDivisionError: division by zero"
     service().tell = lambda **_: 1 / 0
     assert service()._turn() is not None
-    assert service().complaints() == ("ZeroDivisionError: division by zero",)
+    assert fault in service().complaints()
     service().tell = tell
     assert service()._turn() is not None
-    assert not service().complaints()
+    assert fault not in service().complaints()
 
 
 def check_what_is_drawn_is_the_image():

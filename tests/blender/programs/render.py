@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from splatbus_blender import compositing, engine, nodes, properties, service
 from splatbus_blender.viewing import MOVES
-from whole import rendered, unencoded
+from whole import rendered
 
 place, meshes, frame = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 WIDTH, HEIGHT = 64, 48
@@ -64,16 +64,8 @@ tree = nodes.compositor(scene)
 (group,) = (each for each in tree.nodes if each.bl_idname == "CompositorNodeGroup")
 final = picture(group.outputs[0], "final")
 behind, depth = (group.inputs[name].links[0].from_socket for name in ("Image", "Depth"))
-if encoded:
-    # What is mixed is in the image's space: the group's result without its last conversion.
-    unencoded(group)
-    convert = tree.nodes.new("CompositorNodeConvertColorSpace")
-    convert.from_color_space, convert.to_color_space = nodes.WORKING_SPACE, "sRGB"
-    tree.links.new(behind, convert.inputs[0])
-    behind = convert.outputs[0]
 shown = {
     "final": final,
-    "mixed": picture(group.outputs[0], "mixed"),
     "meshes": picture(behind, "meshes"),
     "depth": picture(depth, "depth")[..., 0],
 }

@@ -1,21 +1,11 @@
-"""A viewport of Blender's window, which there is in the background, too, though nobody sees it.
-
-    viewport.py DRAWN.npz
-
-What it wants of the server is compared here; what is drawn over it, by whoever started this.
-"""
-
-import sys
+"""What a viewport wants of the server: there is one in the background, too, which nobody sees."""
 
 import bpy
-import gpu
 import numpy as np
 from splatbus_blender import compositing, engine, properties, service, viewing
 from splatbus_blender.core import poses
-from splatbus_blender.drawing import LOOKS, Canvas
-from splatbus_viewer.mirror import Copied
+from splatbus_blender.drawing import LOOKS
 from splatbus_wire.poses import view_matrix
-from splatbus_wire.semantics import Semantics
 
 WIDTH, HEIGHT = 64, 48
 scene = bpy.context.scene
@@ -93,42 +83,6 @@ def check_depth_is_looked_at_unless_colour_alone_is_shown():
     compositing.set_up(scene, encoded=True)
     assert service.looks_at_depth(scene)
     scene.render.use_compositing = False
-
-
-def check_what_is_drawn_over_meshes():
-    camera = scene.camera
-    graph = bpy.context.evaluated_depsgraph_get()
-    window = camera.calc_matrix_camera(graph, x=WIDTH, y=HEIGHT)
-    space.overlay.show_overlays = False
-    place = gpu.types.GPUOffScreen(WIDTH, HEIGHT, format="RGBA32F")
-    place.draw_view3d(
-        scene,
-        bpy.context.view_layer,
-        space,
-        region,
-        camera.matrix_world.inverted(),
-        window,
-        do_color_management=False,
-    )
-    noise = np.random.default_rng(2)
-    color = noise.random((HEIGHT, WIDTH, 4), np.float32)
-    depth = (8 + 4 * noise.random((HEIGHT, WIDTH))).astype(np.float32)
-    canvas = Canvas()
-    canvas.take(Copied(1, color, depth, None, Semantics()))
-
-    def rows(pixels, *shape):
-        return np.array(pixels.to_list(), np.float32).reshape(HEIGHT, WIDTH, *shape)[::-1]
-
-    with place.bind():
-        frame = gpu.state.active_framebuffer_get()
-        meshes = rows(frame.read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT"), 4)
-        far = rows(frame.read_depth(0, 0, WIDTH, HEIGHT))
-        canvas.draw([tuple(row) for row in window], "COMPOSITE")
-        mixed = rows(frame.read_color(0, 0, WIDTH, HEIGHT, 4, 0, "FLOAT"), 4)
-    place.free()
-    clips = camera.data.clip_start, camera.data.clip_end
-    given = {"color": color, "depth": depth, "meshes": meshes, "far": far, "mixed": mixed}
-    np.savez(sys.argv[1], clips=clips, **given)
 
 
 for name, each in [*globals().items()]:

@@ -21,11 +21,3 @@ def rendered(scene, place):
     image.pixels.foreach_get(numbers)
     bpy.data.images.remove(image)
     return numbers.reshape(height, width, 4)[::-1]
-
-
-def unencoded(group):
-    """Have the extension's node mix as it does, and leave its last conversion out."""
-    tree = group.node_tree
-    (over,) = (each for each in tree.nodes if each.bl_idname == "CompositorNodeAlphaOver")
-    (end,) = (each for each in tree.nodes if each.bl_idname == "NodeGroupOutput")
-    tree.links.new(over.outputs[0], end.inputs[0])

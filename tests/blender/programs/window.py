@@ -1,10 +1,10 @@
 """The extension's drawing, panels and timer in the window of a Blender that is older than it wants.
 
-    blender --python-use-system-env --python window.py -- FOLDER
+    blender --python-use-system-env --python window.py -- FOLDER LOOK…
 
 Blender 3.4, of Debian, has a window where there is a virtual display; the wheels of later ones have
 none. What needs later nodes is left out: this is an add-on of the old style around all else. Writes
-screenshots, what was drawn, and how far meshes are.
+screenshots.
 """
 
 import os
@@ -15,15 +15,12 @@ from pathlib import Path
 
 import bpy
 import gpu
-import numpy as np
-from mathutils import Vector
 from scenery import EYE, MIDDLE, in_the_garden, looking
 from splatbus_blender import operators, overlay, panels, properties, service
 from splatbus_blender.core.wanted import said, shows
-from splatbus_blender.drawing import LOOKS
 
 bl_info = {"name": "SplatBus", "blender": (3, 4, 0), "category": "3D View"}
-FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
+PLACE, *LOOKS = sys.argv[sys.argv.index("--") + 1 :]
 LIMIT_SECONDS = 200
 _PARTS = (properties, operators, panels, overlay)
 
@@ -75,41 +72,7 @@ def screenshot(name):
     window = bpy.context.window_manager.windows[0]
     with bpy.context.temp_override(window=window, screen=window.screen):
         bpy.ops.wm.redraw_timer(type="DRAW_WIN_SWAP", iterations=2)
-        bpy.ops.screen.screenshot(filepath=str(FOLDER / f"{name}.png"))
-
-
-def noted():
-    """What was drawn, and at pixels that no panel hides how far the meshes are, or infinity."""
-    region, space = service.viewport()
-    (area,) = (each for each in bpy.context.screen.areas if each.type == "VIEW_3D")
-    hidden = [
-        each for each in area.regions if each.type != "WINDOW" and min(each.width, each.height) > 1
-    ]
-    image = service.connection.image
-    height, width = image.depth.shape
-    places = [
-        (row, column)
-        for row in range(3, height, 7)
-        for column in range(3, width, 7)
-        if not any(
-            0 <= region.x + column - each.x < each.width
-            and 0 <= region.y + height - 1 - row - each.y < each.height
-            for each in hidden
-        )
-    ]
-    graph = bpy.context.evaluated_depsgraph_get()
-    camera = space.region_3d.view_matrix.inverted()
-    lens, eye, turned = image.camera, camera.translation, camera.to_3x3()
-    far = np.full(len(places), np.inf, np.float32)
-    for i, (row, column) in enumerate(places):
-        x, y = (column + 0.5 - lens.cx) / lens.fx, (row + 0.5 - lens.cy) / lens.fy
-        ray = turned @ Vector((x, -y, -1))
-        met, at, *_ = bpy.context.scene.ray_cast(graph, eye, ray)
-        if met:
-            far[i] = (at - eye).dot(turned @ Vector((0, 0, -1)))
-    top = bpy.context.window_manager.windows[0].height - region.y - region.height
-    given = {"color": image.color, "depth": image.depth, "far": far, "corner": (top, region.x)}
-    np.savez(FOLDER / "noted.npz", places=places, **given)
+        bpy.ops.screen.screenshot(filepath=str(Path(PLACE, f"{name}.png")))
 
 
 def work():
@@ -117,7 +80,6 @@ def work():
     register()
     stage()
     yield lambda: True
-    screenshot("MESHES")
     service.connect(bpy.context.scene)
     for look in LOOKS:
         bpy.context.scene.splatbus.show = look
@@ -125,8 +87,6 @@ def work():
         service.viewport()[1].clip_end = 9 if look == "DEPTH" else 100
         yield is_shown
         screenshot(look)
-        if look == "COMPOSITE":
-            noted()
     unregister()
     print(gpu.platform.renderer_get(), flush=True)
     bpy.ops.wm.quit_blender()

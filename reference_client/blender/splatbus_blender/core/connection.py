@@ -16,9 +16,9 @@ from collections.abc import Callable, Iterator
 
 from splatbus_client import Session, Status, connect
 from splatbus_viewer.mirror import Copied, Mirror
+from splatbus_viewer.sizes import Sizes
 from splatbus_wire.errors import ProtocolError
 
-from .sizes import Sizes
 from .wanted import Said, Wanted, said, shows
 
 _TURN_SECONDS = 0.05

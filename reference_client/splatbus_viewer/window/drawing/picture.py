@@ -11,6 +11,7 @@ from splatbus_client.lease import FrameLease, Image, OnDevice
 from splatbus_wire.messages import FrameCamera, Placement
 from splatbus_wire.semantics import Semantics
 
+from splatbus_viewer.display import RAMP
 from splatbus_viewer.window import MODES
 from splatbus_viewer.window.drawing.ground import Ground, GroundDrawing, shader
 from splatbus_viewer.window.drawing.uploading import Textures, Uploads
@@ -20,11 +21,6 @@ _UNITS = ("color", "depth", "ground_color", "ground_depth")
 """Textures, as they are numbered."""
 PROBED = 64, 36
 """Columns and rows of depths that are looked at for their range."""
-# Nine points of Matplotlib's viridis (CC0), near to far: yellow to violet.
-RAMP = (
-    *((253, 231, 37), (173, 220, 48), (94, 201, 98), (40, 174, 128), (33, 145, 140)),
-    *((44, 114, 142), (59, 82, 139), (72, 40, 120), (68, 1, 84)),
-)
 Region = tuple[int, int, int, int]
 """Of a framebuffer, in pixels: left, bottom, width, height."""
 
@@ -168,18 +164,6 @@ def fitted(region: Region, size: tuple[int, int]) -> Region:
     scale = min(width / size[0], height / size[1])
     inner = max(round(scale * size[0]), 1), max(round(scale * size[1]), 1)
     return left + (width - inner[0]) // 2, bottom + (height - inner[1]) // 2, *inner
-
-
-def range_of(depths: NDArray[np.float32]) -> tuple[float, float]:
-    """Return the depths that false colours are to span: all but the outermost half per cent.
-
-    They differ by a hundredth at the least, or one would see how depths were rounded.
-    """
-    known = depths[depths > 0]
-    if not known.size:
-        return 0.0, 1.0
-    near, far = (float(end) for end in np.percentile(known, [0.5, 99.5]))
-    return near, max(far, 1.01 * near)
 
 
 def _some(lease: FrameLease) -> tuple[OnDevice | Image, bool]:

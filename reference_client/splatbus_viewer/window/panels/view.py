@@ -6,9 +6,9 @@ from imgui_bundle import imgui
 from splatbus_client.channel import ChannelStatus
 from splatbus_schemas.visible import visible
 
+from splatbus_viewer.display import RAMP
 from splatbus_viewer.window import MODES, cameras, hands
 from splatbus_viewer.window.choices import ASSUMED_FIELD, RING, ring_before
-from splatbus_viewer.window.drawing.picture import RAMP
 from splatbus_viewer.window.panels.look import Look
 
 _GOOD, _BAD = imgui.ImVec4(0.45, 0.80, 0.45, 1), imgui.ImVec4(0.95, 0.60, 0.35, 1)
@@ -40,7 +40,7 @@ def _connection(look: Look) -> None:
         imgui.text_wrapped(visible(f"{server.name} {server.version}"))
     for name, channel in (("images", status.ipc), ("messages", status.message)):
         imgui.text_colored(_GOOD if channel.connected else _BAD, f"{name}: {_state(channel)}")
-    for sentence in (status.no_images, status.no_effect, *look.conversation.problems.values()):
+    for sentence in (status.no_images, status.no_effect, *look.conversation.problems):
         if sentence is not None:
             imgui.push_style_color(imgui.Col_.text, _BAD)
             imgui.text_wrapped(sentence)
