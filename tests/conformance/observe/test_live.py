@@ -27,12 +27,7 @@ def test_messages_are_counted_and_rates_are_of_the_last_seconds() -> None:
     poses = [said(t / 10, "c2s", type="camera_pose") for t in range(100)]
     live = fed(*poses)
     [line] = live.seen().lines
-    assert (line.channel, line.direction, line.kind, line.seen) == (
-        "msg",
-        "c2s",
-        "camera_pose",
-        100,
-    )
+    assert line[:4] == ("msg", "c2s", "camera_pose", 100)
     assert line.per_second == pytest.approx(10.0, rel=0.1)
     live.now = 60.0
     assert live.seen().lines[0].per_second == 0.0
