@@ -51,12 +51,6 @@ def test_a_good_adapter_is_heard(start):
     assert adapted.ask("digest")["seq"] is None
     assert adapted.ended() is None
     assert adapted.stop().status == 0
-
-
-def test_an_adapter_is_started_again_after_its_end(start):
-    adapted = start()
-    adapted.ensure_running()
-    adapted.stop()
     assert adapted.ensure_running()
     assert adapted.ask("pixels", at=[[0, 0]])["seq"] is None
 
@@ -66,15 +60,9 @@ def test_an_adapter_is_started_again_after_its_end(start):
     [
         ("say(GREETING)\n", "import time\ntime.sleep(60)\n", "silent for 0.5 s: its first line"),
         ("say(GREETING)\n", "print('Loading scene', flush=True)\n", "no JSON: Loading scene"),
-        ("say(GREETING)\n", "say([1, 2])\n", "its first line is no JSON object"),
-        ("say(GREETING)\n", "sys.exit(3)\n", "ended with status 3 in place of its first line"),
         ("say(GREETING)\n", "raise OSError('no engine')\n", "OSError: no engine"),
-        ('"adapter": "1"', '"adapter": "2"', '/adapter: "1" was expected'),
         ('"axes": "unity"', '"axes": "maya"', '/axes: "maya" is not one of'),
-        ('"unitsPerMetre": 1', '"unitsPerMetre": 0', "/unitsPerMetre"),
         ('"precision": "single",', "", '"precision" is a required property'),
-        ('["start", "stop",', '["stop",', "/can"),
-        ("print(json.dumps(message)", "print('NaN'", "in place of its first line, is no JSON"),
         (
             "print(json.dumps(message)",
             "print('{\"axes\": 1e400}'",
@@ -91,9 +79,12 @@ def test_a_broken_first_line_is_the_adapters_fault(start, old, new, reason):
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ('say({"id": number, **', 'say({"id": number + 1, **', "has the id 2, not 1"),
         ('say({"id": number, **', "say({**", "has the id None, not 1"),
-        ('"digest": {"seq": None}', '"digest": {}', '"seq" is a required property'),
+        (
+            "    command = json",
+            "    print('[1]')\n    command = json",
+            "its answer to digest is no JSON object",
+        ),
         ('"digest": {"seq": None}', '"digest": {"seq": "\\ud800"}', "surrogates not allowed"),
         (
             '"digest": {"seq": None}',
@@ -102,22 +93,15 @@ def test_a_broken_first_line_is_the_adapters_fault(start, old, new, reason):
         ),
         (
             '"digest": {"seq": None}',
-            '"digest": {"seq": 1}',
-            "its answer to digest breaks its schema",
-        ),
-        (
-            '"digest": {"seq": None}',
             '"digest": {"seq": 1, "color": "ab", "depth": None}',
             '/color: "ab" does not match',
         ),
         ("if name not in NOTHING:", "if True:", "answered the error 'no command digest'"),
-        ("    command = json", "    print('got it')\n    command = json", "no JSON: got it"),
         (
             "    command = json",
             "    sys.exit()\n    command = json",
             "ended with status 0 in place",
         ),
-        ("    command = json", "    raise KeyError('x')\n    command = json", "KeyError: 'x'"),
     ],
 )
 def test_a_broken_answer_is_the_adapters_fault(start, old, new, reason):
@@ -146,19 +130,14 @@ def test_an_adapter_that_reads_nothing_does_not_hold_up_the_harness(start):
         adapted.ask("pixels", 0.2, at=[[x, y] for x in range(300) for y in range(300)])
 
 
-def test_a_crash_is_the_clients(start):
-    adapted = start("    command = json", "    import os\n    os.abort()\n    command = json")
+@pytest.mark.parametrize("how", ["import os\n    os.abort()", "sys.exit(134)"])
+def test_a_crash_is_the_clients(start, how):
+    """A status above 128 tells of one too."""
+    adapted = start("    command = json", f"    {how}\n    command = json")
     adapted.open()
     with pytest.raises(ClientCrashed, match="in place of its answer to digest"):
         adapted.ask("digest")
     assert adapted.ended().crashed
-
-
-def test_a_status_above_128_tells_of_a_crash_too(start):
-    adapted = start("    command = json", "    sys.exit(134)\n    command = json")
-    adapted.open()
-    with pytest.raises(ClientCrashed):
-        adapted.ask("digest")
 
 
 def test_the_harness_checks_its_own_commands(start):
@@ -188,15 +167,6 @@ def test_the_page_shows_every_command_with_its_answer():
         conforms(answer, f"answers/{name}")
         assert json.loads(command)["command"] == name
         assert json.loads(command)["id"] == json.loads(answer)["id"]
-
-
-def test_the_schema_is_one():
-    jsonschema.Draft202012Validator.check_schema(SCHEMA)
-
-
-def test_the_example_is_short():
-    example = PAGE.parents[1] / "reference_client" / "splatbus_viewer" / "adapter.py"
-    assert len(example.read_text("utf-8").splitlines()) <= 160
 
 
 @pytest.mark.parametrize("spelled", ["Inf", "inf\n", "1", "", None, True])

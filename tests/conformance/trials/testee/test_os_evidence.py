@@ -60,46 +60,30 @@ def tell(process: subprocess.Popen[str]) -> None:
     process.stdin.flush()
 
 
-def test_a_process_holds_memory_while_it_maps_it() -> None:
-    with HostMemory(4096) as memory, running(MAPS, memory.name) as other:
-        assert says(other) == "mapped"
-        assert holders(memory.name) == [other.pid]
-        tell(other)
-        assert says(other) == "closed"
-        assert holders(memory.name) == []
-
-
-def test_memory_that_was_removed_is_still_held() -> None:
+@pytest.mark.parametrize("removed", [False, True])
+def test_a_process_holds_memory_while_it_maps_it_also_once_it_was_removed(removed: bool) -> None:
     memory = HostMemory(4096)
     with running(MAPS, memory.name) as other:
         mapped = says(other)
+        if removed:
+            memory.close()
+        assert (mapped, holders(memory.name)) == ("mapped", [other.pid])
+        tell(other)
+        assert says(other) == "closed"
+        assert holders(memory.name) == []
+    if not removed:
         memory.close()
-        assert mapped == "mapped"
-        assert holders(memory.name) == [other.pid]
 
 
 @pytest.mark.parametrize("how", ["mapped", "open"])
-@pytest.mark.parametrize("mode", ["rb", "r+b"])
-def test_who_may_write_is_told_from_who_reads(how: str, mode: str) -> None:
-    code = MAPS.replace('"rb"', f'"{mode}"')
+@pytest.mark.parametrize("mode", ["rb", "r+b", "copy"])
+def test_who_may_write_is_told_from_who_reads_or_has_a_copy(how: str, mode: str) -> None:
+    code = MAPS.replace("_READ", "_COPY") if mode == "copy" else MAPS.replace('"rb"', f'"{mode}"')
     code = code if how == "mapped" else code.replace("file.close()", "memory.close()")
     with HostMemory(4096) as memory, running(code, memory.name) as other:
         assert says(other) == "mapped"
         assert holders(memory.name) == [other.pid]
         assert writers(memory.name) == ([other.pid] if mode == "r+b" else [])
-
-
-def test_who_writes_to_a_copy_of_his_own_writes_to_nothing_of_ours() -> None:
-    code = MAPS.replace("access=mmap.ACCESS_READ", "access=mmap.ACCESS_COPY")
-    with HostMemory(4096) as memory, running(code, memory.name) as other:
-        assert says(other) == "mapped"
-        assert holders(memory.name) == [other.pid]
-        assert writers(memory.name) == []
-
-
-def test_nobody_holds_what_only_the_harness_has() -> None:
-    with HostMemory(4096) as memory:
-        assert holders(memory.name) == []
 
 
 def test_the_owner_of_a_connection_is_found() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.testbed import set_up
-from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.trials.testee.probe_advice import ObservedConnection, on_server
 from splatbus_conformance.wire.ports import free_port
 
 from tests.conformance.harness import GOOD, MINIATURE, broken
@@ -66,26 +66,28 @@ def test_a_good_client_is_told_nothing() -> None:
     assert advice(GOOD) == ""
 
 
+def test_foreign_bytes_are_recognised_and_a_channel_without_a_connection_is_named(says) -> None:
+    ports = free_port(), free_port()
+    told = advice(says(len(TEXT).to_bytes(4, "big") + TEXT), ports)
+    assert "On the message channel came bytes that are no packet: 00 00 00 1c" in told
+    assert "the length has to be little-endian (FRM-1)" in told
+    assert f"Nothing connected to the IPC channel, port {ports[0]}" in told
+
+
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("seen", "words"),
     [
-        (len(TEXT).to_bytes(4, "big") + TEXT, "the length has to be little-endian (FRM-1)"),
-        (TEXT + b"\n", "JSON without a header"),
-        (b"GET / HTTP/1.1\r\n\r\n", "this is HTTP"),
-        ((len(TEXT) + 1).to_bytes(4, "little") + TEXT + b"\0", "the text has no terminator"),
-        ((len(TEXT) + 4).to_bytes(4, "little") + TEXT, "the length does not count the header"),
+        ({"refused": b"GET / HTTP/1.1\r\n\r\n"}, "this is HTTP"),
+        ({"unread": TEXT + b"\0"}, "a payload that is no JSON: b'{\"type"),
+        ({"unread": TEXT + b"\0"}, "the text has no terminator (FRM-1)"),
+        ({"unfinished": TEXT}, "the length does not count the header (FRM-1)"),
+        ({"refused": b"\xff" * 9}, "no packet: ff ff ff ff ff ff ff ff (FRM-1)"),
+        ({"heard": [{"type": "camera_pose"}]}, ""),
     ],
 )
-def test_foreign_bytes_are_recognised(says, data: bytes, words: str) -> None:
-    told = advice(says(data))
-    assert "On the message channel came" in told
-    assert words in told
-
-
-def test_a_channel_without_a_connection_is_named_with_its_port(says) -> None:
-    ports = free_port(), free_port()
-    told = advice(says(packet(TEXT)), ports)
-    assert f"Nothing connected to the IPC channel, port {ports[0]}" in told
+def test_what_came_is_told_in_words(seen: dict, words: str) -> None:
+    told = on_server([ObservedConnection("msg", 1, **seen)])
+    assert [words in each for each in told] == [True] * bool(words)
 
 
 def test_a_client_with_swapped_ports_is_found_out(tmp_path: Path) -> None:
@@ -109,9 +111,6 @@ def test_a_client_that_insists_on_its_own_size_is_told_of_viewport(tmp_path: Pat
     told = advice(command)
     assert "when it was told of images of 64x48" in told
     assert "--viewport 1920x1080" in told
-
-
-def test_what_open_failed_says_is_passed_on(tmp_path: Path) -> None:
     told = advice(broken(tmp_path, ('memory["kind"] == "host_shm"', "False")))
     assert "it says 'a rule is broken'" in told
 
