@@ -85,16 +85,13 @@ _CHANNELS: dict[str, Channel] = {"ipc": "ipc", "message": "msg"}
 
 def _said_by(side: str) -> dict[str, tuple[Channel, Json]]:
     """The channel and a good message of each kind, the example with most places."""
-    return {
-        f"{it['name']}, {channel}": (
-            _CHANNELS[channel],
-            max(good, key=lambda it: len([*_paths(it)])),
-        )
-        for it in metamodel()["versions"]["1.1"]["messages"]
-        if it["from"] == side
-        for good in [[each.message for each in examples(it["name"], "1.1")[0]]]
-        for channel in it["channels"]
-    }
+    found: dict[str, tuple[Channel, Json]] = {}
+    for kind in metamodel()["versions"]["1.1"]["messages"]:
+        good = [each.message for each in examples(kind["name"], "1.1")[0]]
+        most = max(good, key=lambda it: len([*_paths(it)]))
+        for channel in kind["channels"] if kind["from"] == side else ():
+            found[f"{kind['name']}, {channel}"] = _CHANNELS[channel], most
+    return found
 
 
 FROM_CLIENT = _said_by("client")
