@@ -253,6 +253,19 @@ class Trial:
         self.wait(lambda: len(things) > after or connection.ended, *seconds)
         return len(things) > after
 
+    def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on an IPC connection."""
+        raise NotImplementedError
+
+    def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on a message connection."""
+        raise NotImplementedError
+
+    def outcome(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on a connection of either channel, by that channel's control."""
+        by = self.outcome_on_ipc if connection.channel == "ipc" else self.outcome_on_msg
+        return by(connection, *scripts)
+
     def rest(self, seconds: float) -> None:
         """Let time pass, and handle what happens in it."""
         self.peer.pump(seconds)

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 from splatbus_conformance.observe import relay
-from splatbus_conformance.observe.relay import RESET, Relay
+from splatbus_conformance.observe.relay import Relay
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel, Entry
-from splatbus_conformance.wire.sockets import CHANNELS
+from splatbus_conformance.wire.sockets import CHANNELS, RESET_ON_CLOSE
 
 from tests.waiting import eventually
 
@@ -195,7 +195,7 @@ def test_the_last_words_before_a_reset_arrive(still: Wire, by_client: bool) -> N
     resetting, other = still.connect()[:: 1 if by_client else -1]
     other.sendall(b"in the way")
     resetting.sendall(b"last words")
-    resetting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+    resetting.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
     resetting.close()
     for _ in range(4):
         still.relay.turn(0.05)

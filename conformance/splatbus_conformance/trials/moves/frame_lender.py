@@ -65,7 +65,7 @@ def reading(trial: ClientTrial) -> Connection:
     else:  # device memory is announced at once [NEG-15]
         role.welcomes = role.offers_memory = False
         connection = trial.connection("ipc")
-        role.offer(connection, role.init_packet(connection))
+        role.offer(connection)
         if not trial.says_hello(connection):
             trial.not_observable("the testee said no hello on this connection")
         role.welcome(connection)

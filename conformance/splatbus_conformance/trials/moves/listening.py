@@ -10,7 +10,7 @@ LISTENING_SECONDS = 0.4
 
 def heard(trial: ClientTrial, connection: Connection) -> set[str]:
     """The types of all that the testee said on a connection."""
-    return {str(message.get("type")) for message in trial.role.with_(connection).heard}
+    return {str(message.get("type")) for message in trial.with_(connection).heard}
 
 
 def listen(trial: ClientTrial, *connections: Connection) -> None:
