@@ -98,8 +98,3 @@ def test_judging_all_along_costs_a_few_looks_at_the_whole() -> None:
             judged += sum(line.seen for line in live.seen().lines)
             live.judged()
     assert judged < 10 * 2000
-
-
-def test_a_peer_names_nothing_that_is_shown() -> None:
-    live = fed(said(0.0, "c2s", type="\x1b[31mred"), Entry(0.1, "msg", 1, "c2s", packet(b"{")))
-    assert [line.kind for line in live.seen().lines] == ["no message", "of an unknown type"]

@@ -23,7 +23,6 @@ from tests.conformance.rules.talk import (
     POSE,
     Json,
     about_generation,
-    changed,
     hello,
 )
 from tests.conformance.trials.wires import Wire
@@ -107,21 +106,6 @@ def test_whatever_a_client_may_ask_no_rule_is_broken_by_the_answers(
             step(steering, reader, stage)
 
 
-def test_until_there_is_an_image_no_size_is_told(stage: Stage) -> None:
-    stage.role.has_image = False
-    steering, reader = stage.steering(), stage.reading()
-    (size,) = steering.hear({"type": "get_viewport_size", "id": 2})
-    assert size["viewport_size"] == [0, 0]
-    assert [it.get("type") for it in reader.said] == ["welcome", None]
-    (size,) = steering.hear(resize(128, 96))
-    assert size["viewport_size"] == [128, 96]
-
-
-def test_before_welcome_requests_of_1_1_are_not_known(stage: Stage) -> None:
-    stage.role.welcomes = False
-    assert stage.steering().hear({"type": "ping", "t": 0.5}) == []
-
-
 def test_another_size_is_announced_to_all_who_read(stage: Stage) -> None:
     steering, readers = stage.steering(), [stage.reading() for _ in range(2)]
     (answer,) = steering.hear(resize(32, 24))
@@ -185,14 +169,6 @@ def test_intrinsics_are_scaled_and_stay_and_who_lends_knows_those_that_were_said
         assert camera["cy"] == pytest.approx(24)
         assert (camera["width"], camera["height"], camera["near"]) == (64, 48, 0.01)
         assert dealings.seen_through == {name: camera[name] for name in own} != own
-
-
-@pytest.mark.parametrize(
-    "pose", [POSE, changed(LENS, "/intrinsics/fx", 0), changed(TAGGED, "/rotation/w"), OBJECT_POSE]
-)
-def test_other_poses_change_no_camera(stage: Stage, pose: Json) -> None:
-    stage.steering().hear(pose)
-    assert stage.role.viewpoint is None
 
 
 def test_frames_are_lent_where_nobody_can_guess(stage: Stage) -> None:

@@ -1,15 +1,11 @@
 """How many cases a check goes through, and what is left of a testee that it ends."""
 
 import sys
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import strategies as st
 from splatbus_conformance.cases.script import Case
-from splatbus_conformance.trials.scripted_client import DialledConnection
-from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.process import Awaited, Ended, Launched
-from splatbus_conformance.trials.testee.server_probe import ServerFacts
 from splatbus_conformance.trials.trial import Stand, Trial, Violation
 from splatbus_conformance.wire.sockets import Peer
 from splatbus_schemas.requirements import requirements
@@ -90,24 +86,6 @@ def test_what_an_ended_testee_had_begun_is_not_taken_for_its_successors(trial, t
         assert len(trial.peer.connections) == 1
     finally:
         trial.testee.close()
-
-
-SIZE, CAMERA = {"viewport_size": [64, 48]}, {"position": [0.0, 0.0, 0.0]}
-
-
-@pytest.mark.parametrize(
-    ("before", "outcome"),
-    [([], "ignores"), ([SIZE], "replies"), ([CAMERA], "replies"), ([{"type": "error"}], "reports")],
-)
-def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, outcome) -> None:
-    dealings = DialledConnection()
-    trial = object.__new__(ServerTrial)
-    trial.controls = 0
-    trial.facts = ServerFacts()
-    trial.viewer = SimpleNamespace(with_=lambda connection: dealings, say=lambda *_: None)
-    trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
-    assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
-    assert trial.controls == 1
 
 
 def test_a_process_that_has_ended_does_not_hang(trial) -> None:

@@ -67,15 +67,6 @@ def test_a_message_is_placed_by_what_came_before_it() -> None:
     assert (list(found.ended), found.resets) == (["s2c", "c2s"], {"s2c"})
 
 
-def test_messages_of_some_kinds_stay_in_order() -> None:
-    steps = (client(POSE), client(ASK_SIZE), server(SIZE), client(b"{}"), client(POSE))
-    (found,) = conversations(talk("msg", *steps))
-    first, asked, told, _, last = found.messages
-    assert list(found.of("viewport_size", "camera_pose")) == [first, told, last]
-    assert [each.message for each in found.placed("get_viewport_size")] == [asked]
-    assert not found.of("frame")
-
-
 def test_a_copy_stays_as_it_is_while_more_is_fed() -> None:
     assembler = Assembler()
     entries = talk("msg", client(hello()), server(welcome()), CLIENT_ENDS)
@@ -88,11 +79,3 @@ def test_a_copy_stays_as_it_is_while_more_is_fed() -> None:
     assert (copy.welcome, len(copy.messages), copy.ended) == (None, 1, {})
     assert grown.welcome is grown.messages[1]
     assert list(grown.ended) == ["c2s"]
-
-
-def test_what_is_no_object_has_no_type() -> None:
-    (found,) = conversations(talk("msg", client(b"[]"), client({"type": 5})))
-    assert [(m.value, m.type, m.kind) for m in found.messages] == [
-        (None, None, None),
-        ({"type": 5}, None, None),
-    ]

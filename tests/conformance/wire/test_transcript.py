@@ -6,7 +6,7 @@ import pytest
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Entry
-from splatbus_conformance.wire.transcript import Mark, excerpt, fold
+from splatbus_conformance.wire.transcript import Mark, excerpt
 
 ERROR = b'\x10\x00\x00\x00{"type":"error"}'
 
@@ -78,11 +78,6 @@ def test_the_member_that_matters_is_never_folded(before: int) -> None:
     text = "".join(excerpt(entries, 3, [Mark("ipc", 1, "s2c", 0, "/memory/kind")]))
     assert text.count('"kind"') == 2
     assert len(text) < 3000
-
-
-def test_what_cannot_be_printed_is_a_dot() -> None:
-    assert fold(b"a\x00\x1b[31mb\xff").startswith("|a··[31mb·|")
-    assert "\u202e" not in fold("a\u202eb".encode())
 
 
 def test_what_is_no_packet_is_told_by_its_length() -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.testbed import set_up
-from splatbus_conformance.trials.testee.probe_advice import ObservedConnection, on_server
 from splatbus_conformance.wire.ports import free_port
 
 from tests.conformance.harness import GOOD, MINIATURE, broken
@@ -72,22 +71,6 @@ def test_foreign_bytes_are_recognised_and_a_channel_without_a_connection_is_name
     assert "On the message channel came bytes that are no packet: 00 00 00 1c" in told
     assert "the length has to be little-endian (FRM-1)" in told
     assert f"Nothing connected to the IPC channel, port {ports[0]}" in told
-
-
-@pytest.mark.parametrize(
-    ("seen", "words"),
-    [
-        ({"refused": b"GET / HTTP/1.1\r\n\r\n"}, "this is HTTP"),
-        ({"unread": TEXT + b"\0"}, "a payload that is no JSON: b'{\"type"),
-        ({"unread": TEXT + b"\0"}, "the text has no terminator (FRM-1)"),
-        ({"unfinished": TEXT}, "the length does not count the header (FRM-1)"),
-        ({"refused": b"\xff" * 9}, "no packet: ff ff ff ff ff ff ff ff (FRM-1)"),
-        ({"heard": [{"type": "camera_pose"}]}, ""),
-    ],
-)
-def test_what_came_is_told_in_words(seen: dict, words: str) -> None:
-    told = on_server([ObservedConnection("msg", 1, **seen)])
-    assert [words in each for each in told] == [True] * bool(words)
 
 
 def test_a_client_with_swapped_ports_is_found_out(tmp_path: Path) -> None:
