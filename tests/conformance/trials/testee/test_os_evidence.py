@@ -23,9 +23,6 @@ memory = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
 file.close()
 print("mapped", flush=True)
 sys.stdin.readline()
-memory.close()
-print("closed", flush=True)
-sys.stdin.readline()
 """
 CONNECTS = """
 import socket, sys
@@ -54,36 +51,22 @@ def says(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline().strip()
 
 
-def tell(process: subprocess.Popen[str]) -> None:
-    assert process.stdin is not None
-    process.stdin.write("\n")
-    process.stdin.flush()
-
-
-@pytest.mark.parametrize("removed", [False, True])
-def test_a_process_holds_memory_while_it_maps_it_also_once_it_was_removed(removed: bool) -> None:
-    memory = HostMemory(4096)
-    with running(MAPS, memory.name) as other:
-        mapped = says(other)
-        if removed:
-            memory.close()
-        assert (mapped, holders(memory.name)) == ("mapped", [other.pid])
-        tell(other)
-        assert says(other) == "closed"
-        assert holders(memory.name) == []
-    if not removed:
-        memory.close()
-
-
 @pytest.mark.parametrize("how", ["mapped", "open"])
 @pytest.mark.parametrize("mode", ["rb", "r+b", "copy"])
-def test_who_may_write_is_told_from_who_reads_or_has_a_copy(how: str, mode: str) -> None:
+def test_who_holds_memory_also_once_it_was_removed_and_may_write_is_seen(
+    how: str, mode: str
+) -> None:
     code = MAPS.replace("_READ", "_COPY") if mode == "copy" else MAPS.replace('"rb"', f'"{mode}"')
     code = code if how == "mapped" else code.replace("file.close()", "memory.close()")
-    with HostMemory(4096) as memory, running(code, memory.name) as other:
-        assert says(other) == "mapped"
-        assert holders(memory.name) == [other.pid]
+    memory = HostMemory(4096)
+    assert holders(memory.name) == []
+    with running(code, memory.name) as other:
+        said = says(other)
+        memory.close()
+        assert (said, holders(memory.name)) == ("mapped", [other.pid])
         assert writers(memory.name) == ([other.pid] if mode == "r+b" else [])
+        other.communicate("\n\n")
+        assert holders(memory.name) == []
 
 
 def test_the_owner_of_a_connection_is_found() -> None:
