@@ -126,17 +126,6 @@ def test_the_first_breach_is_the_first_in_time() -> None:
     assert (finding.broken, finding.first.place.conn) == (2, 2)
 
 
-def test_a_breach_of_a_stream_shows_its_bytes() -> None:
-    judged = audit(talk("msg", client(ASK_SIZE), raw("c2s", b"GET / HTTP/1.1\r\n")))
-    (finding,) = (f for f in judged.findings if f.broken)
-    assert finding.first is not None
-    assert finding.first.place.offset == 33
-    assert [line.strip("> ") for line in finding.first.excerpt.splitlines()] == [
-        "a header that announces 542,393,671 bytes: GET / HTTP/1.1··",
-        "47 45 54 20 2f 20 48 54 54 50 2f 31 2e 31 0d 0a",
-    ]
-
-
 def test_what_is_left_over_is_said() -> None:
     lines = audit(
         joined(
