@@ -35,6 +35,8 @@ ENDING_SECONDS = 0.3
 """How long after its sockets a process may end, and still be said to have ended, not closed."""
 ENDED_SECONDS = 0.02
 """Until what a testee that has ended still asked for is seen."""
+GLANCE_SECONDS = 0.02
+"""How often a check looks at what it can only ask for."""
 REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
 

@@ -3,7 +3,6 @@ at either end.
 """
 
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.listening import declared
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import show, within
 from splatbus_conformance.wire.message_kinds import newer
@@ -27,7 +26,7 @@ def unwelcome(trial: ClientTrial, channel: Channel) -> Connection:
 def offered(trial: Trial, channel: Channel) -> list[str]:
     """The capabilities that the client has there, whoever plays it."""
     if isinstance(trial, ClientTrial):
-        return declared(trial, channel)
+        return trial.facts.capabilities(channel)
     return trial.viewer.capabilities[channel]
 
 

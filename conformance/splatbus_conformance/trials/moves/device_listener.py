@@ -9,15 +9,18 @@ from contextlib import ExitStack, contextmanager
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.shown_image import image_of
-from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS, Trial
+from splatbus_conformance.trials.trial import (
+    ENDING_SECONDS,
+    GLANCE_SECONDS,
+    REACTION_SECONDS,
+    Trial,
+)
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 DEVICE = ("stand-in", "ipc")
 """What a check needs that is tried there."""
-GLANCE_SECONDS = 0.02
-"""For a client to close, before it is sent the next packet."""
 
 
 class DeviceListener:

@@ -112,9 +112,9 @@ class ClientFacts(Facts):
         """It said `hello` on this channel."""
         return self.hello[channel] is not None
 
-    def capabilities(self) -> list[str]:
-        """What it declared on the IPC channel."""
-        return texts(within(self.hello["ipc"], "capabilities"))
+    def capabilities(self, channel: Channel = "ipc") -> list[str]:
+        """What it declared on a channel."""
+        return texts(within(self.hello[channel], "capabilities"))
 
     def version(self) -> str:
         """The newest version that it speaks: it is judged by that."""

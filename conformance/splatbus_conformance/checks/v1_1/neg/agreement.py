@@ -37,7 +37,7 @@ from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
 from splatbus_conformance.trials.moves.frame_readers import joined
 from splatbus_conformance.trials.moves.image_session import errors_after
-from splatbus_conformance.trials.moves.listening import declared, heard, listen
+from splatbus_conformance.trials.moves.listening import heard, listen
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
 from splatbus_conformance.trials.trial import REACTION_SECONDS
@@ -74,7 +74,7 @@ CLIENTS = tuple(
 @check("NEG-4", on={CLIENT: ("hello:ipc",)})
 def check_can_do_what_it_declares(trial: ClientTrial) -> None:
     """Uses each capability that the testee declares, as far as this machine can."""
-    capabilities = declared(trial, "ipc")
+    capabilities = trial.facts.capabilities()
     if "host_shm" not in capabilities:
         trial.not_observable("the testee does not declare host_shm; its memory is not of this host")
     connection = trial.greeted("ipc")
@@ -119,7 +119,9 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> bool:
 @check(
     "NEG-5",
     on={CLIENT: ("hello:msg", "returns:msg")},
-    cases=lambda trial: Cases([[], *([it] for it in declared(trial, "msg") if it in ON_MSG)]),
+    cases=lambda trial: Cases(
+        [[], *([it] for it in trial.facts.capabilities("msg") if it in ON_MSG)]
+    ),
 )
 def check_sends_only_what_was_granted_on_the_message_channel(
     trial: ClientTrial, granted: list[str]

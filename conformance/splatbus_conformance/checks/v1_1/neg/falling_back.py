@@ -5,7 +5,7 @@ from typing import NamedTuple
 from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, Cases, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.reading import answer_all
-from splatbus_conformance.trials.moves.listening import declared, heard, listen
+from splatbus_conformance.trials.moves.listening import heard, listen
 from splatbus_conformance.wire.message_kinds import newer
 from splatbus_conformance.wire.messages import welcome
 from splatbus_conformance.wire.recording import WORDS, Channel
@@ -103,7 +103,7 @@ def check_ignores_a_late_welcome(trial: ClientTrial, channel: Channel, version: 
         trial.not_observable(f"the testee said no hello on the {WORDS[channel]} channel")
     if beyond_1_0(trial, fallen) or connection.ended:
         trial.not_observable("the testee does not go on with a 1.0 server")
-    trial.role.say(connection, welcome(channel, declared(trial, channel), version))
+    trial.role.say(connection, welcome(channel, trial.facts.capabilities(channel), version))
     if channel == "ipc":
         trial.role.offer(connection)
     more = ", ".join(beyond_1_0(trial, fallen))
@@ -120,7 +120,7 @@ def check_asks_for_the_size_after_hello(trial: ClientTrial) -> None:
     """A server that says nothing to `hello` is listened to by a testee that declares capabilities
     of the message channel.
     """
-    if not declared(trial, "msg"):
+    if not trial.facts.capabilities("msg"):
         trial.not_observable("the testee wants no more than 1.0 defines, by what it declares")
     trial.role.speaks, trial.role.replies = "1.0", False
     connection = trial.connection("msg")
