@@ -82,6 +82,7 @@ def test_whatever_a_client_may_ask_no_rule_is_broken_by_the_answers(
 def test_frames_come_of_tags_once_their_reader_is_free_where_nobody_can_guess() -> None:
     with HostMemory(ring_bytes(*SIZE, 3)) as memory:
         steering, reader = begin(memory)
+        (told,) = steering.hear({**ASK_CAMERA, "id": 1})
         for number in range(1, 30):
             before = len(reader.said)
             steering.hear({**LENS, "tag": str(number)})
@@ -93,6 +94,7 @@ def test_frames_come_of_tags_once_their_reader_is_free_where_nobody_can_guess() 
     assert [it.get("tag") for it in cameras] == [None, *map(str, range(1, 30))]
     assert cameras[1]["position"] == list(POSE["position"].values())
     assert {it["fx"] for it in cameras[1:]} == {50.0}, "1500 for 1920 pixels are 50 for 64"
+    assert told["intrinsics"].items() <= cameras[0].items()
     assert (cameras[0]["cx"], cameras[0]["cy"]) != (32.0, 24.0)
     slots, numbers = [it["slot"] for it in frames], [it["seq"] for it in frames]
     assert [sorted(slots[i : i + 3]) for i in range(0, 30, 3)] == [[0, 1, 2]] * 10

@@ -3,43 +3,47 @@
 import json
 import re
 import sys
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import jsonschema
 import pytest
 from splatbus_conformance.data import read_json
+from splatbus_conformance.images.memory.host import HostMemory
+from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee.adapter import Adapted, AdapterBroken, ClientCrashed
-from splatbus_conformance.wire.sockets import Peer
+from splatbus_conformance.trials.testee.adapter_smoke import smoke
+from splatbus_conformance.wire.messages import ring_bytes
+from splatbus_conformance.wire.sockets import CHANNELS, Peer
+
+from tests.conformance.harness import said
 
 PAGE = Path(__file__).parents[4] / "conformance" / "ADAPTER.md"
 MINIATURE = Path(__file__).parents[2] / "miniatures" / "adapter.py"
+EXAMPLE = PAGE.parents[1] / "reference_client" / "splatbus_viewer" / "adapter.py"
 PATIENCE, BRIEFLY = 30.0, 0.5
 SCHEMA = read_json("adapter.schema.json")
 
 
 @pytest.fixture
-def peer():
-    peer = Peer("127.0.0.1", {"ipc": 0, "msg": 0})
-    yield peer
-    peer.close()
+def start(tmp_path):
+    """Makes an adapter of the miniature, or another, with one piece of its text replaced, and a
+    peer for its client; ends both after the test.
+    """
+    with ExitStack() as held:
 
+        def start(old="", new="", patience=10.0, source=MINIATURE):
+            text, path = Path(source).read_text("utf-8"), tmp_path / "adapter.py"
+            assert old in text
+            path.write_text(text.replace(old, new, 1) if old else text, "utf-8")
+            peer = held.enter_context(closing(Peer("127.0.0.1", {"ipc": 0, "msg": 0})))
+            for channel in CHANNELS:
+                peer.listen(channel)
+            command = f'"{sys.executable}" "{path}"'
+            adapted = Adapted(command, peer.environment(), peer, patience)
+            return held.enter_context(closing(adapted))
 
-@pytest.fixture
-def start(peer, tmp_path):
-    """Starts the miniature with one piece of its text replaced; ends it after the test."""
-    started = []
-
-    def start(old="", new="", patience=10.0):
-        source = MINIATURE.read_text("utf-8")
-        assert old in source
-        path = tmp_path / "adapter.py"
-        path.write_text(source.replace(old, new, 1) if old else source, "utf-8")
-        started.append(Adapted(f'"{sys.executable}" "{path}"', {}, peer, patience))
-        return started[-1]
-
-    yield start
-    for adapted in started:
-        adapted.close()
+        yield start
 
 
 def test_a_good_adapter_is_heard(start):
@@ -138,6 +142,70 @@ def test_a_crash_is_the_clients(start, how):
     with pytest.raises(ClientCrashed, match="in place of its answer to digest"):
         adapted.ask("digest")
     assert adapted.ended().crashed
+
+
+# The smoke test
+
+
+def tried(adapted):
+    with HostMemory(ring_bytes(16, 12, 3)) as memory:
+        smoke(adapted, adapted._peer, ScriptedServer(memory, 16, 12))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("if name not in NOTHING:", "if False:", "KeyError"),
+        (
+            'say({"id": number, "error": f"no command {name}"})',
+            'say({"id": number})',
+            "a command that nobody knows was not answered by an error",
+        ),
+        ("        break", "        sys.exit(7)", "after stop it ended with status 7"),
+        ('"init_packet": {"images": None}', '"init_packet": {}', '"images" is a required property'),
+    ],
+)
+def test_a_broken_miniature_is_found_out(start, old, new, reason):
+    with pytest.raises(AdapterBroken) as broken:
+        tried(start(old, new))
+    assert reason in str(broken.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ('image.astype("<f4")', 'image[::-1].astype("<f4")', "its digest of color does not fit"),
+        ("for x, y in at]\n        depth", "for x, y in at[1:]]\n        depth", "it told"),
+        ('return {"replies": [', 'return {"replies": [][:0] and [', "in that order"),
+        (
+            'if name == "stop"',
+            'if name == "subscribe"',
+            "ended with status 0 in place of its answer to",
+        ),
+        ('{"width": reply[0]', '{"size": reply[0]', "its answer to ask breaks its schema"),
+    ],
+)
+def test_a_broken_shim_beside_a_good_client_is_found_out(start, old, new, reason):
+    with pytest.raises(AdapterBroken) as broken:
+        tried(start(old, new, source=EXAMPLE))
+    assert reason in str(broken.value)
+
+
+def test_a_wrong_client_or_none_is_none_of_its_business(start):
+    tried(start())
+    wrong = "pose = Pose(tuple(position)", "pose = Pose(tuple(-n for n in position)"
+    tried(start(*wrong, source=EXAMPLE))
+
+
+def test_the_command_says_that_the_adapter_is_broken(tmp_path):
+    path = tmp_path / "adapter.py"
+    path.write_text("print('hello')\n", "utf-8")
+    code, output = said("client", "--adapter", f'"{sys.executable}" "{path}"')
+    assert code == 3, output
+    assert "no verdict: the adapter is broken: " in output
+
+
+# The page
 
 
 def examples():
