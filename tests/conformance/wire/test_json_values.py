@@ -16,6 +16,8 @@ from splatbus_conformance.wire.json_values import (
     numbers,
     positive,
     show,
+    strings,
+    texts,
     whole,
     within,
 )
@@ -59,6 +61,7 @@ def test_what_is_not_there_is_none() -> None:
     assert within(message, "a", 0, "b") == within(message, "a", -1, "b") == 1
     for path in (("a", 1), ("a", "0"), ("c", "d"), ("b",), ("a", 0, "b", "c"), (0,)):
         assert within(message, *path) is None
+    assert (strings(["a"]), strings(["a", 1]), texts(["a", 1])) == (["a"], None, ["a"])
 
 
 def test_values_are_shown_as_json_and_cut() -> None:
