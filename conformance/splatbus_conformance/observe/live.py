@@ -130,12 +130,7 @@ class LiveSession:
     def so_far(self) -> list[Conversation]:
         """The conversations as they are now, to be judged wherever and whenever one likes."""
         self._judged_at = self.seen_messages
-        if self._kept is not None:
-            return self._kept
-        copies = self._assembler.so_far()
-        for each in copies:
-            each.messages, each.ended = list(each.messages), dict(each.ended)
-        return copies
+        return self._assembler.so_far() if self._kept is None else self._kept
 
     def judged(self) -> Audit:
         """What the session shows of both peers, so far."""

@@ -8,28 +8,25 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import ipaddress
 import os
 import selectors
 import socket
-import struct
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from splatbus_conformance.observe.door import Door
+from splatbus_conformance.wire.places import Address, addresses
 from splatbus_conformance.wire.recording import Channel, Direction, Entry, Event
+from splatbus_conformance.wire.sockets import RESET_ON_CLOSE
 
 READ_BYTES = 65536
 NAP_SECONDS = 0.2
 CALM_SECONDS = 0.001
 MOST_UNTOLD = 32
-RESET = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)
 UNDER_WAY = (0, errno.EINPROGRESS, errno.EWOULDBLOCK)
 
 Note = Callable[[Entry], None]
-Address = tuple[socket.AddressFamily, tuple[str, int] | tuple[str, int, int, int]]
 
 
 @dataclass(eq=False)
@@ -337,18 +334,6 @@ class Relay:
         return time.monotonic() - self._start
 
 
-def addresses(host: str, port: int) -> list[Address]:
-    """Every place that a name stands for: `localhost` is ::1 and 127.0.0.1. Raises OSError."""
-    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    return [(family, address) for family, _, _, _, address in found]  # type: ignore[misc]
-
-
-def is_loopback(host: str) -> bool:
-    """Whether every address of the host is on this machine only [SEC-1]. Raises OSError."""
-    places = [str(address[0]).partition("%")[0] for _, address in addresses(host, 0)]
-    return all(ipaddress.ip_address(each).is_loopback for each in places)
-
-
 def _prepare(each: socket.socket) -> None:
     each.setblocking(False)
     each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -356,7 +341,7 @@ def _prepare(each: socket.socket) -> None:
 
 def _reset(each: socket.socket) -> None:
     with contextlib.suppress(OSError):
-        each.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET)
+        each.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, RESET_ON_CLOSE)
     each.close()
 
 

@@ -13,8 +13,9 @@ from typing import NamedTuple
 from splatbus_schemas.visible import visible
 
 from splatbus_conformance.observe.door import Door
-from splatbus_conformance.observe.relay import Relay, addresses, is_loopback
+from splatbus_conformance.observe.relay import Relay
 from splatbus_conformance.plan import NoVerdict, Usage
+from splatbus_conformance.wire.places import addresses, is_loopback
 from splatbus_conformance.wire.recording import Channel, Entry
 from splatbus_conformance.wire.saving import Recorder
 from splatbus_conformance.wire.secrets import TOKEN_VARIABLE, own_token

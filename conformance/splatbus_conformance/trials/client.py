@@ -110,8 +110,8 @@ class ClientTrial(ReturningTrial):
         """A new connection on which the testee has said `hello` and was given `welcome`."""
         connection = self.connection(channel)
         self.role.welcome_whoever_waits(connection)
-        self._answers(lambda: self.role.with_(connection).welcome)
-        if self.role.with_(connection).welcome is None:
+        self._answers(lambda: self.with_(connection).welcome)
+        if self.with_(connection).welcome is None:
             if self.facts.speaks_1_1(channel) and not connection.ended:
                 self._note_loss(f"it says no hello on the {WORDS[channel]} channel any more")
                 self.renew()
@@ -123,11 +123,10 @@ class ClientTrial(ReturningTrial):
 
         Only with `role.offers_memory` off, so that the check sends every init packet itself.
         """
-        for connection in reversed(self.peer.connections):
-            alive = connection in self._used and connection.open and not connection.ended
-            if alive and connection.channel == "ipc" and self._takes_another(connection):
-                return connection
-        return self.greeted("ipc")
+        found = self.peer.newest(
+            "ipc", lambda it: it in self._used and not it.gone and self._takes_another(it)
+        )
+        return found or self.greeted("ipc")
 
     def reassure(self, channel: Channel) -> None:
         """Serve a connection well, the newest if it is open: a client may wait twice as long after
@@ -140,7 +139,7 @@ class ClientTrial(ReturningTrial):
         self.role.welcomes = self.role.replies = True
         newest = [c for c in self.peer.connections if c.channel == channel and c in self._used][-1:]
         on_it = [c for c in newest if not c.gone] or [self.connection(channel)]
-        dealings = self.role.with_(on_it[0])
+        dealings = self.with_(on_it[0])
         self.wait(lambda: (dealings.welcome if speaks else dealings.heard) or on_it[0].ended)
         self.role.welcomes, self.role.replies = withheld
 
@@ -195,29 +194,29 @@ class ClientTrial(ReturningTrial):
 
     def next_frame(self, connection: Connection) -> Json:
         """The `frame` that lends the next image, once none is lent any more [IMG-2]."""
-        self.uses(lambda: not self.role.with_(connection).lends or connection.ended)
+        self.uses(lambda: not self.with_(connection).lends or connection.ended)
         return self.role.next_frame(connection)
 
     def lend(self, connection: Connection, **changes: object) -> int:
         """Send it, with members changed as named; its `seq`."""
-        self.role.say(connection, self.next_frame(connection) | changes)
-        return self.role.with_(connection).frames[-1]
+        self.uses(lambda: not self.with_(connection).lends or connection.ended)
+        return self.role.lend(connection, **changes)
 
     def releases(self, connection: Connection, seq: int, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee releases this frame."""
-        dealings = self.role.with_(connection)
+        dealings = self.with_(connection)
         self.uses(lambda: seq in dealings.released or connection.ended, seconds)
         return seq in dealings.released
 
     def closes(self, connection: Connection, generation: int, *seconds: float) -> bool:
         """Whether the testee closes the memory of this generation."""
-        dealings = self.role.with_(connection)
+        dealings = self.with_(connection)
         self.wait(lambda: generation in dealings.closed or connection.ended, *seconds)
         return generation in dealings.closed
 
     def says_hello(self, connection: Connection) -> bool:
         """Whether the testee says `hello` on this connection."""
-        return self._answers(lambda: self.role.with_(connection).hello)
+        return self._answers(lambda: self.with_(connection).hello)
 
     def arrives(self, channel: Channel, seconds: float, after: int = 0) -> bool:
         """Whether there are more than `after` connections on this channel in time."""
@@ -234,7 +233,7 @@ class ClientTrial(ReturningTrial):
         scripts announced), `refuses` (the good packet), `closes` (and came back), `exits`, `dies`
         or `hangs`.
         """
-        dealings = self.role.with_(connection)
+        dealings = self.with_(connection)
         heard = len(dealings.heard)
         for script in scripts:
             connection.send(script)
@@ -270,8 +269,10 @@ class ClientTrial(ReturningTrial):
             return self._end_of(connection)
         return outcome if self.comes_back("ipc") else self.fate() or "hangs"
 
-    def outcome_on_msg(self, connection: Connection) -> str:
+    def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
         """What the testee does after what it was sent on the message channel, as above."""
+        for script in scripts:
+            connection.send(script)
         before = len(connection.messages)
         self.wait(
             lambda: len(connection.messages) > before + 1 or connection.ended,
@@ -333,9 +334,9 @@ class ClientTrial(ReturningTrial):
         self.controls += 1
 
     def _takes_further(self, connection: Connection) -> bool:
-        return "reinit" in self.role.with_(connection).granted
+        return "reinit" in self.with_(connection).granted
 
     def _takes_another(self, connection: Connection) -> bool:
-        dealings = self.role.with_(connection)
+        dealings = self.with_(connection)
         first = dealings.welcome is not None and not dealings.generation
         return first or self._takes_further(connection)

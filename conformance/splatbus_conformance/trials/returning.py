@@ -11,7 +11,7 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
 from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import memory_pace
-from splatbus_conformance.trials.scripted_server import ScriptedServer
+from splatbus_conformance.trials.scripted_server import ScriptedServer, ServedConnection
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, Stand, Trial
 from splatbus_conformance.wire.recording import Channel
@@ -42,6 +42,10 @@ class ReturningTrial(Trial):
         self._used: set[Connection] = set()
         self.peer.on_open = role.on_open
         self.peer.on_message = role.on_message
+
+    def with_(self, connection: Connection) -> ServedConnection:
+        """What was said on a connection."""
+        return self.role.with_(connection)
 
     def next_connection(self, channel: Channel, seconds: float | None = None) -> Connection | None:
         """Close those of this channel that were used; a new one, if it comes in time.
@@ -94,7 +98,7 @@ class ReturningTrial(Trial):
         if not (greeted() and dealings.welcome and self.facts.opens):
             return greeted()
         if not role.offers_memory:
-            role.offer(connection, role.init_packet(connection))
+            role.offer(connection)
         return self.opens(connection)
 
     def tries_to_go_on(self, channel: Channel) -> tuple[int, bool]:
@@ -121,7 +125,7 @@ class ReturningTrial(Trial):
 
     def _answer_until_it_ends(self, probe: Connection) -> None:
         """Whatever the check withholds from the testee's other connections."""
-        heard, answered = self.role.with_(probe).heard, 0
+        heard, answered = self.with_(probe).heard, 0
 
         def ends() -> bool:
             nonlocal answered
@@ -153,9 +157,9 @@ class ReturningTrial(Trial):
 
     def opens(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee opens the memory that was offered last on this connection."""
-        dealings = self.role.with_(connection)
-        self.uses(lambda: dealings.generation in dealings.opened or connection.ended, seconds)
-        return dealings.generation in dealings.opened
+        dealings = self.with_(connection)
+        self.uses(lambda: dealings.has_opened or connection.ended, seconds)
+        return dealings.has_opened
 
     def calls(self) -> list[Call]:
         """The calls of the stand-in CUDA runtime since the trial began."""

@@ -77,6 +77,11 @@ class ServedConnection(Dealings):
         return self.generations[-1] if self.generations else 0
 
     @property
+    def has_opened(self) -> bool:
+        """The memory that was offered last was opened."""
+        return self.generation in self.opened
+
+    @property
     def is_unanswered(self) -> bool:
         """Memory was offered after `welcome`, and neither opened nor declined yet."""
         last = self.generation
@@ -221,7 +226,7 @@ class ScriptedServer:
         for message in dealings.heard if connection.channel == "msg" and self.replies else ():
             self.reply(connection, message)  # what came meanwhile has waited for it [NEG-6]
         if connection.channel == "ipc" and self.offers_memory and kind in offered:
-            self.offer(connection, self.init_packet(connection))
+            self.offer(connection)
 
     def offer_on_device(self, ring: DeviceRing) -> None:
         """Offer this ring, and write images there, from now on."""
@@ -277,9 +282,9 @@ class ScriptedServer:
         told = messages.init_packet_1_1(name, generation, width, height, self.slots)
         return arranged(told, self._arrangement)
 
-    def offer(self, connection: Connection, init_packet: Json) -> None:
-        """Send an init packet."""
-        self.say(connection, init_packet)
+    def offer(self, connection: Connection, init_packet: Json | None = None) -> None:
+        """Send an init packet, a good one if no other is given."""
+        self.say(connection, init_packet or self.init_packet(connection))
 
     def coming(self, connection: Connection) -> NextFrame:
         """What is lent next on this connection; of so many frames as there are slots, one in each.
@@ -377,7 +382,7 @@ class ScriptedServer:
         if (width, height) != (self.width, self.height):
             self.width, self.height = width, height
             for connection in readers:
-                self.offer(connection, self.init_packet(connection))
+                self.offer(connection)
         return None
 
     def _on_msg(self, connection: Connection, dealings: ServedConnection, message: Json) -> None:

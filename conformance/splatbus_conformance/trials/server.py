@@ -8,7 +8,7 @@ from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import controls
-from splatbus_conformance.trials.scripted_client import ScriptedClient
+from splatbus_conformance.trials.scripted_client import DialledConnection, ScriptedClient
 from splatbus_conformance.trials.testee.process import Launched
 from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS, ServerFacts, reach
 from splatbus_conformance.trials.trial import (
@@ -45,6 +45,10 @@ class ServerTrial(Trial):
         self._mover: Connection | None = None
         self._unheard = False
         """A connection was neither closed nor served."""
+
+    def with_(self, connection: Connection) -> DialledConnection:
+        """What was said on a connection."""
+        return self.viewer.with_(connection)
 
     # Meeting the testee
 
@@ -102,17 +106,17 @@ class ServerTrial(Trial):
             if self._is_answered_to_hello(connection, changes) or not connection.ended:
                 break
             self.rest(0.05)
-        return connection, self.viewer.with_(connection).answer
+        return connection, self.with_(connection).answer
 
     def _is_answered_to_hello(self, connection: Connection, changes: dict[str, object]) -> bool:
-        dealings = self.viewer.with_(connection)
+        dealings = self.with_(connection)
         self.viewer.greet(connection, **changes)
         self.wait(lambda: dealings.answer or connection.ended)
         return bool(dealings.heard)
 
     def is_welcomed(self, connection: Connection) -> bool:
         """Whether a hello that was said is answered by `welcome`, in time."""
-        dealings = self.viewer.with_(connection)
+        dealings = self.with_(connection)
         self.wait(lambda: dealings.welcome or connection.ended)
         return dealings.welcome is not None
 
@@ -132,7 +136,7 @@ class ServerTrial(Trial):
 
     def _is_told_of_memory(self, connection: Connection) -> bool:
         """Whether memory is announced in time, as when the server was met, or none is due."""
-        dealings = self.viewer.with_(connection)
+        dealings = self.with_(connection)
         due = self.facts.opens and bool({"host_shm", "cuda_ipc"} & set(dealings.granted))
         self.wait(lambda: not due or dealings.init_packets or connection.ended)
         return not due or bool(dealings.init_packets)
@@ -141,15 +145,10 @@ class ServerTrial(Trial):
         """A new message connection that was given `welcome`, from which `move` poses the camera."""
         return self._command_from(self.greeted("msg", **changes))
 
-    def outcome(self, connection: Connection, *scripts: bytes) -> str:
-        """What becomes of scripts on a connection of either channel, by that channel's control."""
-        by = self.outcome_on_ipc if connection.channel == "ipc" else self.outcome_on_msg
-        return by(connection, *scripts)
-
     def reading(self, **changes: object) -> Connection:
         """A new IPC connection on which images are announced and their memory is open here."""
         connection = self.greeted("ipc", **changes)
-        dealings = self.viewer.with_(connection)
+        dealings = self.with_(connection)
         if not self.wait(lambda: dealings.memory or dealings.refusal or connection.ended):
             self.not_observable("the server announced no memory")
         if not (dealings.memory or dealings.refusal):
@@ -180,7 +179,7 @@ class ServerTrial(Trial):
 
     def replies(self, connection: Connection) -> list[Json]:
         """Everything on a message connection that is no `welcome` and no `error`, in order."""
-        heard = self.viewer.with_(connection).heard
+        heard = self.with_(connection).heard
         return [message for message in heard if message.get("type") not in ("welcome", "error")]
 
     def ask(self, connection: Connection, request: Json) -> Json | None:
@@ -189,7 +188,7 @@ class ServerTrial(Trial):
 
     def ask_all(self, connection: Connection, requests: Sequence[Json]) -> list[Json]:
         """What the server says in time after requests in one write: one thing for each, or more."""
-        heard = self.viewer.with_(connection).heard
+        heard = self.with_(connection).heard
         before = len(heard)
         self.viewer.say(connection, *requests)
         self.grows(connection, heard, before + len(requests) - 1)
@@ -197,16 +196,16 @@ class ServerTrial(Trial):
 
     def answers(self, connection: Connection) -> bool:
         """Whether the server answers a good request on this connection: the positive control."""
-        dealings = self.viewer.with_(connection)
+        dealings = self.with_(connection)
         by_id = self._tells_ids(connection)
         return self._is_answered(connection, [controls.one(by_id, dealings.said, dealings.heard)])
 
     def _tells_ids(self, connection: Connection) -> bool:
-        welcome = self.viewer.with_(connection).welcome
+        welcome = self.with_(connection).welcome
         return self.facts.repeats_ids and within(welcome, "version") == "1.1"
 
     def _is_answered(self, connection: Connection, requests: list[Json]) -> bool:
-        heard = self.viewer.with_(connection).heard
+        heard = self.with_(connection).heard
         before = len(heard)
         self.viewer.say(connection, *requests)
         self.wait(lambda: controls.are_answered(requests, heard[before:]) or connection.ended)
@@ -230,7 +229,7 @@ class ServerTrial(Trial):
         script, by an `error`), `replies` (by something else), `closes` (and a new connection is
         served), `exits`, `dies` or `hangs`.
         """
-        dealings = self.viewer.with_(connection)
+        dealings = self.with_(connection)
         before = len(dealings.heard)
         for script in scripts:
             connection.send(script)
@@ -249,7 +248,7 @@ class ServerTrial(Trial):
         Returns `ignores`, `reports`, `replies`, `closes` (and a new connection is served),
         `exits`, `dies` or `hangs`.
         """
-        dealings = self.viewer.with_(connection)
+        dealings = self.with_(connection)
         errors, before = len(dealings.errors()), len(dealings.heard)
         for script in scripts:
             connection.send(script)
@@ -282,7 +281,7 @@ class ServerTrial(Trial):
         connection = self.served(channel)
         if connection is None:
             return False
-        heard = self.viewer.with_(connection).heard
+        heard = self.with_(connection).heard
         if channel == "msg":
             served = self.answers(connection)
         else:
@@ -334,7 +333,7 @@ class ServerTrial(Trial):
         self.viewer.say(connection, controls.VIEWPORT_REQUEST)
         self._unheard = not (self.grows(connection, connection.messages) or connection.ended)
         connection.messages.clear()
-        self.viewer.with_(connection).heard.clear()
+        self.with_(connection).heard.clear()
 
     def end_of(self, connection: Connection, seconds: float = EFFECT_SECONDS) -> str:
         """What becomes of a connection that is to end within this time: `closes` (and new ones are
@@ -381,7 +380,7 @@ class ServerTrial(Trial):
 
     def _command_from(self, connection: Connection) -> Connection:
         self._mover, first = connection, self.facts.first
-        if self.facts.plays and first and "time" in self.viewer.with_(connection).granted:
+        if self.facts.plays and first and "time" in self.with_(connection).granted:
             self.viewer.say(connection, {"type": "set_time", "time": first.frame["time"]})
         return connection
 
@@ -389,7 +388,7 @@ class ServerTrial(Trial):
         self, connection: Connection, pose: Json, seconds: float = EFFECT_SECONDS
     ) -> Json | None:
         """The first frame on this connection that was rendered from this pose, if it comes."""
-        frames = self.viewer.with_(connection).frames
+        frames = self.with_(connection).frames
         others = 0
 
         def found() -> Json | None:

@@ -35,6 +35,8 @@ ENDING_SECONDS = 0.3
 """How long after its sockets a process may end, and still be said to have ended, not closed."""
 ENDED_SECONDS = 0.02
 """Until what a testee that has ended still asked for is seen."""
+GLANCE_SECONDS = 0.02
+"""How often a check looks at what it can only ask for."""
 REACTION_SECONDS = 0.2
 """How long a check listens for what need not come."""
 
@@ -252,6 +254,19 @@ class Trial:
         """Whether there are more than so many of the things that come on a connection, in time."""
         self.wait(lambda: len(things) > after or connection.ended, *seconds)
         return len(things) > after
+
+    def outcome_on_ipc(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on an IPC connection."""
+        raise NotImplementedError
+
+    def outcome_on_msg(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on a message connection."""
+        raise NotImplementedError
+
+    def outcome(self, connection: Connection, *scripts: bytes) -> str:
+        """What becomes of scripts on a connection of either channel, by that channel's control."""
+        by = self.outcome_on_ipc if connection.channel == "ipc" else self.outcome_on_msg
+        return by(connection, *scripts)
 
     def rest(self, seconds: float) -> None:
         """Let time pass, and handle what happens in it."""

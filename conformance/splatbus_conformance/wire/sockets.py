@@ -14,6 +14,7 @@ from typing import Literal, TypeVar
 
 from splatbus_conformance.wire.conversation import Assembler, Conversation, Message
 from splatbus_conformance.wire.packets import HEADER, Splitter
+from splatbus_conformance.wire.places import addresses
 from splatbus_conformance.wire.ports import listen_somewhere
 from splatbus_conformance.wire.recording import Channel, Direction, Entry, Event
 
@@ -185,8 +186,8 @@ class Connection:
 def _connect_narrowly(address: tuple[str, int], seconds: float) -> socket.socket:
     """As `socket.create_connection`; small segments keep the buffer of the other end small too."""
     failed = OSError("no address")
-    for family, kind, protocol, _, each in socket.getaddrinfo(*address, type=socket.SOCK_STREAM):
-        sock = socket.socket(family, kind, protocol)
+    for family, each in addresses(*address):
+        sock = socket.socket(family, socket.SOCK_STREAM)
         sock.settimeout(seconds)
         for buffer in (socket.SO_RCVBUF, socket.SO_SNDBUF):
             sock.setsockopt(socket.SOL_SOCKET, buffer, NARROW_BYTES)
@@ -327,6 +328,11 @@ class Peer:
         while not (given := condition()) and (left := deadline - self.clock()) > 0:
             self._step(min(left, TICK_SECONDS))
         return given
+
+    def newest(self, channel: Channel, suits: Callable[[Connection], object]) -> Connection | None:
+        """The newest connection on a channel that suits."""
+        there = (it for it in reversed(self.connections) if it.channel == channel and suits(it))
+        return next(there, None)
 
     def close_all(self) -> None:
         """Close every connection."""

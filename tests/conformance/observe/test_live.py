@@ -27,12 +27,7 @@ def test_messages_are_counted_and_rates_are_of_the_last_seconds() -> None:
     poses = [said(t / 10, "c2s", type="camera_pose") for t in range(100)]
     live = fed(*poses)
     [line] = live.seen().lines
-    assert (line.channel, line.direction, line.kind, line.seen) == (
-        "msg",
-        "c2s",
-        "camera_pose",
-        100,
-    )
+    assert line[:4] == ("msg", "c2s", "camera_pose", 100)
     assert line.per_second == pytest.approx(10.0, rel=0.1)
     live.now = 60.0
     assert live.seen().lines[0].per_second == 0.0
@@ -103,8 +98,3 @@ def test_judging_all_along_costs_a_few_looks_at_the_whole() -> None:
             judged += sum(line.seen for line in live.seen().lines)
             live.judged()
     assert judged < 10 * 2000
-
-
-def test_a_peer_names_nothing_that_is_shown() -> None:
-    live = fed(said(0.0, "c2s", type="\x1b[31mred"), Entry(0.1, "msg", 1, "c2s", packet(b"{")))
-    assert [line.kind for line in live.seen().lines] == ["no message", "of an unknown type"]

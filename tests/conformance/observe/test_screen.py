@@ -2,21 +2,15 @@
 
 import io
 import json
-from dataclasses import replace
 
 import pytest
 from splatbus_conformance.observe.audit import AuditFinding, audit_of
-from splatbus_conformance.observe.judgement import opinion
 from splatbus_conformance.observe.live import LiveSession
-from splatbus_conformance.observe.screen import line, screen, told
-from splatbus_conformance.plan import SIDES
+from splatbus_conformance.observe.screen import line, screen
 from splatbus_conformance.reports.console import CleanConsole
-from splatbus_conformance.reports.files import Files
-from splatbus_conformance.wire.message_kinds import CLIENT_1_0, CLIENT_1_1, REPLIES, SERVER_1_1
+from splatbus_conformance.wire.message_kinds import CLIENT_1_0, CLIENT_1_1
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Channel, Direction, Entry
-
-HOSTILE = "\x1b[2J\x1b]0;owned\x07\r\n\x9b31m[bold red]\N{RIGHT-TO-LEFT OVERRIDE}x[/]"
 
 
 def said(at: float, direction: Direction, channel: Channel, **message: object) -> Entry:
@@ -89,44 +83,3 @@ def test_one_line_says_the_same() -> None:
     for part in ("123 messages", "ipc 0 of 1", "msg 1 of 1", "POS-1 (client)", "3 s late"):
         assert part in text, part
     assert "\n" not in text
-
-
-def test_nothing_that_a_peer_sends_reaches_the_terminal_as_a_command() -> None:
-    """Whatever any rule quotes of a message: nothing moves the cursor, colours or hides text."""
-    live = LiveSession()
-    kinds = (*CLIENT_1_0, *CLIENT_1_1, *REPLIES, *SERVER_1_1, HOSTILE)
-    names = (
-        *("type", "tag", "id", "object", "position", "rotation", "camera", "objects", "versions"),
-        *("version", "capabilities", "client", "server", "code", "message", "generation", "seq"),
-        *("meta", "memory", "mem_color", "ring", "semantics", "viewport_size", "width", HOSTILE),
-    )
-    number = 0
-    for kind in kinds:
-        for value in (HOSTILE, [HOSTILE], {HOSTILE: HOSTILE}):
-            for channel, direction in (
-                ("ipc", "c2s"),
-                ("ipc", "s2c"),
-                ("msg", "c2s"),
-                ("msg", "s2c"),
-            ):
-                number += 1
-                data = packet(json.dumps(dict.fromkeys(names, value) | {"type": kind}).encode())
-                live.feed(Entry(number / 1e3, channel, number, direction, data))  # type: ignore[arg-type]
-    for data in (HOSTILE.encode() * 9, packet(HOSTILE.encode())):
-        number += 1
-        live.feed(Entry(9.0, "msg", number, "c2s", data))
-    found = broken(live)
-    assert len(found) > 10
-    assert found[0].first  # and if a rule quoted it as it is
-    found[0] = replace(found[0], first=replace(found[0].first, text=HOSTILE))
-    text = io.StringIO()
-    out = CleanConsole(file=text, width=100, no_color=True)
-    for finding in found:
-        out.print(told(finding), soft_wrap=True)
-    out.print(screen("title", live.seen(), found, 0.0, 100, 60))
-    out.print(line(live.seen(), found, 0.0), soft_wrap=True)
-    out.width = 2000
-    opinion([("session.jsonl", live.judged())], SIDES, Files(), out, strict=False)
-    shown = text.getvalue()
-    assert all(each.isprintable() or each == "\n" for each in shown)
-    assert "[bold red]" in shown, "markup is text like any other"

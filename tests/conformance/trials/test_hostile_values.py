@@ -1,7 +1,6 @@
 """Whatever a testee puts into a message, the harness judges it, and does not fall over it."""
 
 import contextlib
-from typing import Any
 
 import pytest
 from splatbus_conformance.images.captured import photograph_of, shows_the_scene
@@ -10,6 +9,7 @@ from splatbus_conformance.images.memory.device_reading import open_on_device
 from splatbus_conformance.images.memory.host import HostMemory
 from splatbus_conformance.images.memory.reading import CannotOpen
 from splatbus_conformance.images.pinhole import placed_in
+from splatbus_conformance.plan import SIDES
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.rules import judge
 from splatbus_conformance.trials.controls import shows
@@ -19,9 +19,8 @@ from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import probe_advice
 from splatbus_conformance.trials.testee.client_probe import ClientFacts
 from splatbus_conformance.trials.testee.server_probe import ServerFacts
-from splatbus_conformance.wire.conversation import Assembler, Message, conversations
+from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.json_reading import read
-from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import Entry
 from splatbus_conformance.wire.transcript import excerpt
 
@@ -35,51 +34,21 @@ from tests.conformance.rules.talk import (
     changed,
     frame,
     hello,
-    text,
     welcome,
 )
 from tests.conformance.trials.hostile import FROM_CLIENT, FROM_SERVER, spoiled
+from tests.conformance.trials.wires import Wire
 
 pytestmark = pytest.mark.apart
 
 ON_IPC = ("host_shm", "frames", "reinit", "subscribe")
 
 
-class Wire:
-    """A connection without sockets, which remembers what crossed."""
-
-    def __init__(self, channel: Any, number: int = 1) -> None:
-        self.channel, self.number, self.open, self.ended = channel, number, True, None
-        self.recording = [Entry(1.0, channel, number, event="open")]
-        self._assembler = Assembler()
-
-    def send(self, data: bytes) -> None:
-        self.note("s2c", data)
-
-    def note(self, direction: Any, data: bytes) -> list[Message]:
-        now = self.recording[-1].t + 0.01
-        self.recording.append(Entry(now, self.channel, self.number, direction, data))
-        return self._assembler.feed(self.recording[-1])[1]
-
-    def arrive(self, part: Any, direction: Any, message: Any) -> None:
-        """Hand a message to a role or a viewer, as a packet."""
-        (whole,) = self.note(direction, packet(text(message)))
-        part.on_message(self, whole)
-
-
-class Listening(Wire):
-    """The same from the other side."""
-
-    def send(self, data: bytes) -> None:
-        self.note("c2s", data)
-
-
-def judged(*wires: Wire) -> None:
+def judged(entries: list[Entry]) -> None:
     """Every reader of recordings reads this one."""
-    entries = sorted((e for wire in wires for e in wire.recording), key=lambda e: e.t)
     found = conversations(entries)
     assert list(judge(found))
-    for side in ("client", "server"):
+    for side in SIDES:
         latencies.of(found, side)
     assert list(excerpt(entries, 100))
 
@@ -110,34 +79,32 @@ def test_a_client_can_say_what_it_likes(kind: str) -> None:
 
 def play_server(memory: HostMemory, channel: str, payload: bytes) -> None:
     """The harness plays the server, to a client that says something good, this, and good again."""
-    role = ScriptedServer(memory, 64, 48)
-    ipc, msg = Wire("ipc", 1), Wire("msg", 2)
+    role, recording = ScriptedServer(memory, 64, 48), list[Entry]()
+    ipc, msg = Wire(role, "ipc", recording), Wire(role, "msg", recording)
     hostile = ipc if channel == "ipc" else msg
-    greetings = {ipc: hello(*ON_IPC), msg: hello(*ALL_MSG)}
-    for wire, greeting in greetings.items():
-        role.on_open(wire)
-        wire.arrive(role, "c2s", payload if b'"hello"' in payload and wire is hostile else greeting)
-    ipc.arrive(role, "c2s", about_generation("opened"))
-    hostile.arrive(role, "c2s", payload)
-    ipc.arrive(role, "c2s", about_generation("opened"))
+    for wire, greeting in ((ipc, hello(*ON_IPC)), (msg, hello(*ALL_MSG))):
+        wire.hear(payload if b'"hello"' in payload and wire is hostile else greeting)
+    ipc.hear(about_generation("opened"))
+    hostile.hear(payload)
+    ipc.hear(about_generation("opened"))
     for said in (POSE | {"tag": "b"}, ASK_SIZE, ASK_CAMERA, {"type": "subscribe_telemetry"}):
-        msg.arrive(role, "c2s", said)
-    msg.arrive(role, "c2s", {"type": "set_viewport", "width": 16, "height": 16})
+        msg.hear(said)
+    msg.hear({"type": "set_viewport", "width": 16, "height": 16})
     for wire in (ipc, msg):
         dealings = role.with_(wire)
         assert isinstance(dealings.granted, list)
         assert dealings.lends in (True, False)
         role.lend(ipc)
         role.tell(msg)
-    judged(ipc, msg)
+    judged(recording)
     facts = ClientFacts(hello={"ipc": role.with_(ipc).hello, "msg": role.with_(msg).hello})
     assert str(facts)
     assert [facts.lacks(need) for need in NEEDS]
-    heard = [
-        probe_advice.ObservedConnection(wire.channel, 1, role.with_(wire).heard)
-        for wire in (ipc, msg)
-    ]
-    probe_advice.on_client(heard, {"ipc": 1, "msg": 2}, None)
+    probe_advice.on_client([observed(it) for it in (ipc, msg)], {"ipc": 1, "msg": 2}, None)
+
+
+def observed(wire: Wire) -> probe_advice.ObservedConnection:
+    return probe_advice.ObservedConnection(wire.channel, 1, wire.part.with_(wire).heard)
 
 
 @pytest.mark.parametrize("kind", FROM_SERVER)
@@ -154,26 +121,22 @@ _looked_at: set[str] = set()
 
 def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
     """The harness plays the viewer, and hears something good, this, and good again."""
-    viewer = ScriptedClient()
+    viewer, recording = ScriptedClient(), list[Entry]()
     payload = payload.replace(HOST_INIT["memory"]["name"].encode(), memory.name.encode())
     announced = changed(HOST_INIT, "/memory/name", memory.name)
-    ipc, msg = Listening("ipc", 1), Listening("msg", 2)
+    ipc, msg = Wire(viewer, "ipc", recording), Wire(viewer, "msg", recording)
     hostile = ipc if channel == "ipc" else msg
-    welcomes = {ipc: welcome(*ON_IPC), msg: welcome(*ALL_MSG)}
-    for wire, answer in welcomes.items():
-        viewer.on_open(wire)
+    for wire, answer in ((ipc, welcome(*ON_IPC)), (msg, welcome(*ALL_MSG))):
         viewer.greet(wire)
-        spoils = b'"welcome"' in payload and wire is hostile
-        wire.arrive(viewer, "s2c", payload if spoils else answer)
+        wire.hear(payload if b'"welcome"' in payload and wire is hostile else answer)
         assert isinstance(viewer.with_(wire).granted, list)
     for asked in (ASK_SIZE, ASK_CAMERA, {"type": "get_scene"}, {"type": "ping", "t": 1.0}):
         viewer.say(msg, {**asked, "id": 1})
     if hostile is ipc and b'"frame"' in payload:
-        ipc.arrive(viewer, "s2c", announced)
-    hostile.arrive(viewer, "s2c", payload)
-    for said in (announced, frame()):
-        ipc.arrive(viewer, "s2c", said)
-    judged(ipc, msg)
+        ipc.hear(announced)
+    hostile.hear(payload)
+    ipc.hear(announced, frame())
+    judged(recording)
     dealings = viewer.with_(ipc)
     assert all(isinstance(code, str) for code in viewer.with_(hostile).errors())
     viewer.let_go(ipc)
@@ -206,9 +169,5 @@ def play_client(memory: HostMemory, channel: str, payload: bytes) -> None:
         planes_of(init_packet)
         with contextlib.suppress(CannotOpen):
             open_on_device(init_packet, Nowhere())
-    heard = [
-        probe_advice.ObservedConnection(wire.channel, 1, viewer.with_(wire).heard)
-        for wire in (ipc, msg)
-    ]
-    probe_advice.on_server(heard)
+    probe_advice.on_server([observed(wire) for wire in (ipc, msg)])
     viewer.close()

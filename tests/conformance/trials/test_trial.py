@@ -1,19 +1,16 @@
 """How many cases a check goes through, and what is left of a testee that it ends."""
 
 import sys
-import time
-from types import SimpleNamespace
 
 import pytest
 from hypothesis import strategies as st
 from splatbus_conformance.cases.script import Case
-from splatbus_conformance.trials.scripted_client import DialledConnection
-from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.process import Awaited, Ended, Launched
-from splatbus_conformance.trials.testee.server_probe import ServerFacts
 from splatbus_conformance.trials.trial import Stand, Trial, Violation
 from splatbus_conformance.wire.sockets import Peer
 from splatbus_schemas.requirements import requirements
+
+from tests.waiting import eventually
 
 LISTED = range(100, 110)
 SMALL = st.integers(0, 99)
@@ -54,15 +51,12 @@ def test_quick_delivers_one_listed_case_of_each_kind_whatever_a_testee_affords(t
     assert trial.left_out == len(LISTED) - 3
 
 
-def test_other_seeds_deliver_other_listed_cases(trial) -> None:
+def test_other_seeds_deliver_other_listed_cases_and_the_full_profile_all(trial) -> None:
     seen = set[int]()
     for trial.seed in range(len(LISTED)):
         seen |= set(trial.each(LISTED, kind=lambda case: "all of one kind", spare=1))
     assert seen == set(LISTED)
-
-
-def test_the_full_profile_delivers_every_listed_case(trial) -> None:
-    trial.profile = "full"
+    trial.profile, trial.left_out = "full", 0
     assert list(trial.each(LISTED, kind=lambda case: 0, spare=0)) == [*LISTED]
     assert trial.left_out == 0
 
@@ -85,34 +79,13 @@ def test_what_an_ended_testee_had_begun_is_not_taken_for_its_successors(trial, t
     trial.testee = Launched(command, trial.peer.environment())
     try:
         trial.testee.ensure_running()
-        deadline = time.monotonic() + 10
-        while not connected.exists() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert connected.exists()
+        assert eventually(connected.exists)
         trial.end_testee()
         assert [connection.open for connection in trial.peer.connections] == [False]
         trial.rest(0.1)
         assert len(trial.peer.connections) == 1
     finally:
         trial.testee.close()
-
-
-SIZE, CAMERA = {"viewport_size": [64, 48]}, {"position": [0.0, 0.0, 0.0]}
-
-
-@pytest.mark.parametrize(
-    ("before", "outcome"),
-    [([], "ignores"), ([SIZE], "replies"), ([CAMERA], "replies"), ([{"type": "error"}], "reports")],
-)
-def test_no_reply_to_what_is_tried_can_be_taken_for_that_to_the_control(before, outcome) -> None:
-    dealings = DialledConnection()
-    trial = object.__new__(ServerTrial)
-    trial.controls = 0
-    trial.facts = ServerFacts()
-    trial.viewer = SimpleNamespace(with_=lambda connection: dealings, say=lambda *_: None)
-    trial.wait = lambda condition: dealings.heard.extend([*before, SIZE, CAMERA])
-    assert trial.outcome_on_msg(SimpleNamespace(send=lambda data: None), b"") == outcome
-    assert trial.controls == 1
 
 
 def test_a_process_that_has_ended_does_not_hang(trial) -> None:

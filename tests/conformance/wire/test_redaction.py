@@ -5,7 +5,6 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.wire.packets import Splitter, packet
 from splatbus_conformance.wire.recording import Channel, Direction, Entry
 from splatbus_conformance.wire.redaction import redacted, restored, stand_in
@@ -18,7 +17,7 @@ HELLO = {
     "client": {"name": "viewer", "version": "1", "token": "no secret"},
     "token": SECRET,
 }
-TOKENS = st.text(min_size=1, max_size=40)
+CUTS = st.lists(st.integers(0, 999), max_size=8)
 
 
 def stream(payloads: list[bytes], cuts: list[int], direction: Direction = "c2s") -> list[Entry]:
@@ -37,7 +36,7 @@ def messages(entries: list[Entry]) -> list[dict[str, object]]:
     return [json.loads(it.payload) for it in Splitter().feed(joined(entries), 0.0)]
 
 
-@given(TOKENS, st.booleans(), st.lists(st.integers(0, 999), max_size=8))
+@given(st.just(SECRET) | st.text(min_size=1, max_size=40), st.booleans(), CUTS)
 def test_a_hello_keeps_its_form_and_length(token: str, ascii_: bool, cuts: list[int]) -> None:
     text = json.dumps({**HELLO, "token": token}, ensure_ascii=ascii_)
     payload = text.encode("utf-8", "replace")
@@ -50,16 +49,9 @@ def test_a_hello_keeps_its_form_and_length(token: str, ascii_: bool, cuts: list[
     assert len(told) == len(json.loads(payload)["token"])
     assert {**hello, "token": 0} == {**HELLO, "token": 0}
     assert other == {"type": "set_time"}
-    if token.isascii() and token.isprintable() and not {*token} & {'"', "\\"}:
+    if token == SECRET:
         assert told == stand_in(len(token))
     assert list(redacted(found)) == found, "once is enough"
-
-
-def test_nothing_of_a_secret_stays() -> None:
-    for cut in range(1, 140):
-        found = joined(list(redacted(stream([json.dumps(HELLO).encode()], [cut]))))
-        assert not {*SECRET.split()} & {*found.decode("utf-8", "replace").split()}
-        assert SECRET[:4].encode() not in found
 
 
 @pytest.mark.parametrize(
@@ -85,25 +77,17 @@ def test_members_of_that_name_elsewhere_and_other_values_stay() -> None:
         assert list(redacted(entries)) == entries
 
 
-@pytest.mark.parametrize("channel", ["ipc", "msg"])
-@pytest.mark.parametrize("direction", ["c2s", "s2c"])
-def test_a_token_that_comes_back_is_left_out_too(channel: Channel, direction: Direction) -> None:
-    said = {"type": "error", "message": f"{SECRET!r} is wrong, {SECRET} is"}
-    whole = packet(json.dumps(said).encode())
-    for cut in range(len(whole)):
-        pieces = [Entry(9.0, channel, 2, direction, it) for it in (whole[:cut], whole[cut:]) if it]
-        found = list(redacted([*stream([json.dumps(HELLO).encode()], []), *pieces]))[1:]
-        assert len(joined(found)) == len(whole)
-        text = joined(found)[4:].decode()
-        assert SECRET[3:] not in text
-        assert "battery" not in text
-        assert json.loads(text).keys() == said.keys()
-
-
-def test_what_came_in_single_bytes_loses_all_but_its_first() -> None:
-    pieces = [Entry(9.0, "msg", 2, "s2c", bytes([it])) for it in packet(SECRET.encode())]
-    found = list(redacted([*stream([json.dumps(HELLO).encode()], []), *pieces]))[1:]
-    assert joined(found)[4:] == SECRET[:3].encode() + stand_in(len(SECRET))[3:].encode()
+@given(st.sampled_from(["ipc", "msg"]), st.sampled_from(["c2s", "s2c"]), CUTS)
+def test_a_token_that_comes_back_is_left_out_too(
+    channel: Channel, direction: Direction, cuts: list[int]
+) -> None:
+    """But for its first letters, where they come by themselves."""
+    said = json.dumps({"type": "error", "message": f"{SECRET!r} is wrong, {SECRET} is"}).encode()
+    answer = [it._replace(channel=channel, conn=2) for it in stream([said], cuts, direction)]
+    told = joined([*redacted([*stream([json.dumps(HELLO).encode()], []), *answer])][1:])
+    assert len(told) == len(packet(said))
+    assert SECRET[3:].encode() not in told
+    assert json.loads(told[4:]).keys() == {"type", "message"}
 
 
 def test_short_tokens_are_left_out_of_a_hello_alone() -> None:
@@ -112,23 +96,6 @@ def test_short_tokens_are_left_out_of_a_hello_alone() -> None:
     first, second = redacted([*stream([hello], []), answer])
     assert messages([first])[0]["token"] == "redacte"
     assert second == answer
-
-
-def test_what_is_behind_a_header_that_is_none_stays_as_it_is() -> None:
-    data = b'\xff\xff\xff\xff{"token": "mine"}'
-    entries = [Entry(0.0, "msg", 1, "c2s", data)]
-    assert list(redacted(entries)) == entries
-
-
-def test_rules_find_the_same_in_what_is_left() -> None:
-    hello = json.dumps({**HELLO, "token": "é" * 256, "versions": [1]}).encode()
-    entries = stream([hello], [9])
-    broken = [
-        [it.requirement.id for it in audit(each).findings if it.broken]
-        for each in (entries, redacted(entries))
-    ]
-    assert broken[0] == broken[1]
-    assert "NEG-2" in broken[0]
 
 
 @pytest.mark.parametrize(

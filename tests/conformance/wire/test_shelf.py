@@ -18,13 +18,6 @@ from splatbus_conformance.wire.shelf import Picked, Row, Shelf
 DATA = Path(__file__).parents[2] / "data" / "recordings"
 
 
-@pytest.fixture
-def everything_is_put_away(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shelf, "MOST_KEPT", 0)
-    monkeypatch.setattr(shelf, "MOST_ROW", 2)
-    monkeypatch.setattr(shelf, "MOST_FETCHED", 1)
-
-
 @given(st.lists(st.binary(max_size=4)), st.lists(st.integers(-40, 40)), st.slices(20))
 def test_a_row_is_a_list(given_: list[bytes], places: list[int], cut: slice) -> None:
     with pytest.MonkeyPatch.context() as patch:
@@ -46,22 +39,14 @@ def test_a_row_is_a_list(given_: list[bytes], places: list[int], cut: slice) -> 
         assert (list(picked), list(picked[1:])) == (given_[::2], given_[::2][1:])
 
 
-@pytest.mark.usefixtures("everything_is_put_away")
 @pytest.mark.parametrize("path", sorted(DATA.glob("*.jsonl")), ids=lambda path: path.stem)
-def test_messages_come_back_as_they_were(path: Path) -> None:
-    entries = load(path)
-    for kept, fetched in zip(
-        conversations(entries), conversations(entries, shelved=True), strict=True
-    ):
-        assert repr(list(fetched.messages)) == repr(list(kept.messages))
-        assert repr(list(fetched.placed())) == repr(list(kept.placed()))
-
-
-@pytest.mark.parametrize("path", sorted(DATA.glob("*.jsonl")), ids=lambda path: path.stem)
-def test_the_audit_finds_the_same(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = audit(load(path)).findings
+def test_messages_come_back_as_they_were(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found, kept = audit(load(path)).findings, conversations(load(path))
     monkeypatch.setattr(shelf, "MOST_KEPT", 0)
     monkeypatch.setattr(shelf, "MOST_ROW", 2)
+    monkeypatch.setattr(shelf, "MOST_FETCHED", 1)
+    for one, other in zip(conversations(load(path), shelved=True), kept, strict=True):
+        assert repr(list(one.placed())) == repr(list(other.placed()))
     assert audit(load(path)).findings == found
 
 

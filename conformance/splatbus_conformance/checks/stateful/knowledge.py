@@ -83,7 +83,7 @@ def crowd(trial: ServerTrial) -> int:
 def forget(trial: ServerTrial, connection: Connection) -> None:
     """Close a connection, and the memory that came on it."""
     connection.close()
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     if dealings.memory is not None:
         dealings.memory.close()
         dealings.memory = None
@@ -91,7 +91,7 @@ def forget(trial: ServerTrial, connection: Connection) -> None:
 
 def _is_lent_a_frame(trial: ServerTrial, connection: Connection) -> bool:
     trial.viewer.greet(connection)
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended, SERVED_SECONDS)
     if not dealings.frames:
         connection.close()
@@ -104,7 +104,7 @@ def _seats_for_reading(trial: ServerTrial, greets: bool) -> int:
     if greets:
         for connection in members:
             trial.viewer.greet(connection)
-        dealings = {c: trial.viewer.with_(c) for c in members}
+        dealings = {c: trial.with_(c) for c in members}
         trial.wait(
             lambda: all(d.init_packets or d.errors() or c.ended for c, d in dealings.items()),
             SERVED_SECONDS,
@@ -112,7 +112,7 @@ def _seats_for_reading(trial: ServerTrial, greets: bool) -> int:
         served = [d for c, d in dealings.items() if d.welcome and not d.errors() and not c.ended]
     else:
         trial.rest(SERVED_SECONDS / 4)
-        served = [trial.viewer.with_(c) for c in members if not c.ended]
+        served = [trial.with_(c) for c in members if not c.ended]
     for connection in members:
         forget(trial, connection)
     return len(served)

@@ -133,7 +133,7 @@ class WithClient:
     def _announce(self, part: int) -> None:
         self.role.width, self.role.height = (max(1, length // part) for length in self._size)
         self._misled = False
-        self.role.offer(self._at["ipc"], self.role.init_packet(self._at["ipc"]))
+        self.role.offer(self._at["ipc"])
 
     def _mislead(self) -> None:
         generation = int(self.role.init_packet(self._at["ipc"])["generation"])

@@ -389,7 +389,7 @@ def check_incomplete_packet_behind_another_size(trial: ServerTrial) -> bool:
     """Half a packet in one write with a `set_viewport`, whose reply takes a server time."""
     with resizing(trial) as client:
         width, height = other_sizes(trial)[0]
-        heard = trial.viewer.with_(client).heard
+        heard = trial.with_(client).heard
         before = len(heard)
         request = {"type": "set_viewport", "width": width, "height": height, "id": 1}
         client.send(packet(encode(request)) + REQUEST[:16])

@@ -63,9 +63,9 @@ def check_accepts_good_init_packets(trial: ClientTrial) -> None:
             opened, _ = offer(trial, changed(case, {"memory/name": memory.name}))
             trial.expect(opened, "not-opened", f"an init packet with {what} was not opened")
     connection = trial.greeted("ipc")
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     dealings.generations.append(LIMITS["max_safe_integer"] - 1)
-    trial.role.offer(connection, trial.role.init_packet(connection))
+    trial.role.offer(connection)
     trial.expect(
         trial.opens(connection), "not-opened", f"generation {dealings.generation} was not opened"
     )

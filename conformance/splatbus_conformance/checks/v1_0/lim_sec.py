@@ -7,11 +7,12 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import CAMERA_REQUEST
 from splatbus_conformance.trials.moves.bad_neighbours import PACE_SECONDS
-from splatbus_conformance.trials.moves.reachable import accepts, addresses, is_loopback
+from splatbus_conformance.trials.moves.reachable import accepts, addresses
 from splatbus_conformance.trials.moves.stalled import stalled
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.places import is_loopback
 from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import CHANNELS, Connection
 

@@ -224,7 +224,7 @@ def check_broken_requests_have_no_reply(trial: ServerTrial, case: tuple[bool, Js
     connection = in_use(trial)
     if greets:
         asked = asked | {"id": 7}
-        if trial.viewer.with_(connection).welcome is None:
+        if trial.with_(connection).welcome is None:
             connection.close()
             connection = trial.greeted("msg")
     outcome = trial.outcome_on_msg(connection, packet(encode(asked)))
@@ -260,7 +260,7 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
         trial.not_observable("the testee does not ask for the size when it connects")
     trial.role.has_image = False
     connection = trial.connection("msg")
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     asks = trial.wait(lambda: dealings.count("get_viewport_size") or connection.ended)
     trial.role.has_image = True
     if not (asks and connection.messages):

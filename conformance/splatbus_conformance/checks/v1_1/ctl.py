@@ -11,7 +11,6 @@ from splatbus_conformance.trials.moves.camera_control import CameraControl, came
 from splatbus_conformance.trials.moves.clocks import near, set_time
 from splatbus_conformance.trials.moves.control import busy, controlling, in_control
 from splatbus_conformance.trials.moves.frame_capture import AT_REST
-from splatbus_conformance.trials.moves.frame_readers import frames_of
 from splatbus_conformance.trials.moves.given_poses import COMMANDS, said_again
 from splatbus_conformance.trials.moves.image_session import (
     LENS,
@@ -103,7 +102,7 @@ def check_tells_who_has_no_control(
         trial.viewer.say(other, {"type": "camera_pose", "position": {}})
         other = other if answers(trial, other) else further(trial, first)
     expect_an_answer(trial, other, *case)
-    told = trial.viewer.with_(other).errors()
+    told = trial.with_(other).errors()
     what = f"{case[0]} of a second client: {', '.join(told) or 'no error'}"
     trial.expect("busy" in told, "not-told-busy", what)
     other.close()
@@ -219,7 +218,7 @@ def check_control_passes_with_the_newest_poses(trial: ServerTrial) -> None:
     steering, left = CameraControl(trial), trial.commanding()
     start = camera_pose((0.0, 0.0, 3.0))
     trial.expect(steering.shows(left, start), "not-applied", "no frame shows a good pose")
-    frames = frames_of(trial, steering.reader)
+    frames = trial.with_(steering.reader).frames
     old = trial.dial("msg")
     trial.answers(old)
     third = further(trial, left, old)
@@ -262,7 +261,7 @@ def _expect_poses(
 
     def now() -> float:
         """Where the newest frame has the Gaussians, along z, which is a small integer here."""
-        newest = frames_of(trial, steering.reader)[-1]
+        newest = trial.with_(steering.reader).frames[-1]
         return round(float(placed_in(newest, DEFAULT).pose.position[2]), 4)
 
     put = trial.wait(lambda: now() == depth)

@@ -48,7 +48,6 @@ from splatbus_conformance.trials.moves.resizing import (
     REINIT_SECONDS,
     RESIZES,
     Size,
-    dealings_of,
     other_sizes,
     told_at,
 )
@@ -90,7 +89,7 @@ def answers(dealings: ServedConnection) -> Counter[int | None]:
 
 def awaits_answer(trial: ClientTrial, connection: Connection, generation: int) -> bool:
     """Whether this generation is answered in time."""
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     trial.uses(lambda: generation in dealings.opened | dealings.failed or connection.ended)
     return generation in dealings.opened | dealings.failed
 
@@ -135,7 +134,7 @@ def check_opens_device_memory(trial: ClientTrial, _: DeviceRing) -> None:
     """
     for _again in range(2):
         connection = trial.greeted("ipc")
-        opened, heard = trial.opens(connection), trial.role.with_(connection).heard
+        opened, heard = trial.opens(connection), trial.with_(connection).heard
         failed = [it.get("reason") for it in heard if it.get("type") == "open_failed"]
         reason = failed[0] if failed else "it did not answer"
         trial.expect(
@@ -245,10 +244,10 @@ def check_keeps_the_connection_after_failing(trial: ClientTrial) -> None:
     for _ in range(2 if further else 1):
         if not awaits_answer(trial, connection, announce(trial, connection, NOWHERE)):
             break
-    if not trial.role.with_(connection).failed:
+    if not trial.with_(connection).failed:
         trial.not_observable("the testee answered no open_failed to memory that does not exist")
     if further:
-        trial.role.offer(connection, trial.role.init_packet(connection))
+        trial.role.offer(connection)
         waited = trial.opens(connection)
     else:
         waited = not trial.ends(connection, REACTION_SECONDS)
@@ -264,7 +263,7 @@ def check_closes_the_former_memory(trial: ClientTrial) -> None:
     """
     trial.role.offers_memory = False
     connection = trial.for_init_packet()
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     with ExitStack() as held:
         former: HostMemory | None = None
         for width in (64, 32, 64, 16):
@@ -303,8 +302,8 @@ def check_ignores_what_it_was_not_granted(trial: ClientTrial) -> None:
     connection = trial.connection("ipc")
     trial.says_hello(connection)
     trial.role.welcome(connection, capabilities=granted)
-    dealings = trial.role.with_(connection)
-    trial.role.offer(connection, trial.role.init_packet(connection))
+    dealings = trial.with_(connection)
+    trial.role.offer(connection)
     trial.require_open(connection)
     former = dealings.generation
     with HostMemory(ROOM) as memory:
@@ -385,7 +384,7 @@ def check_answers_no_generation_twice(trial: ClientTrial, case: tuple[str, Json,
         trial.not_observable("the testee did not answer an init packet (OPN-1)")
     repeated = packet(encode(again | {"generation": generation}))
     outcome = trial.outcome_on_ipc(connection, repeated)
-    times = answers(trial.role.with_(connection))[generation]
+    times = answers(trial.with_(connection))[generation]
     trial.expect(times == 1, "answered-twice", f"{what}: {times} answers to it")
     going_on = outcome in ("ignores", "closes", "accepts", "declines")
     trial.judge("conforms" if going_on else outcome, what)
@@ -410,7 +409,7 @@ def check_ignores_generations_that_it_did_not_announce(
     """`opened`, `open_failed` and `closed` of other generations, with and without memory."""
     kind, generation, reads = case
     connection = trial.ready("ipc") if reads else trial.ready("ipc", capabilities=[])
-    memory = dealings_of(trial, connection).memory
+    memory = trial.with_(connection).memory
     unknown = memory is None or memory.generation != generation
     if unknown:
         outcome = trial.outcome(connection, packet(encode(says_of(generation, kind))))
@@ -452,7 +451,7 @@ def check_keeps_memory_while_somebody_has_it(trial: ServerTrial, place: Place) -
             same, "written-while-held", f"{told} the image that the first holds is another"
         )
     trial.viewer.release(holder, frame)
-    dealings_of(trial, holder).holds = False
+    trial.with_(holder).holds = False
     seen = trial.sees(holder, trial.move())
     trial.expect(seen, "no-frame", "after the others had left, the first was sent no further image")
 
@@ -471,7 +470,7 @@ def check_keeps_former_memory_until_it_is_closed(trial: ServerTrial, client: Con
     reads, and images of the new size are whole.
     """
     holder, frame = holding(trial)
-    dealings = dealings_of(trial, holder)
+    dealings = trial.with_(holder)
     dealings.keeps = True
     memory, other = memory_of(trial, holder), beside(trial, holder)
     path, slot = path_of(trial, memory), int(frame["slot"])
@@ -507,13 +506,13 @@ def check_keeps_former_memory_for_who_may_open_it(trial: ServerTrial, client: Co
     path = path_of(trial, memory_of(trial, reader))
     trial.viewer.opens = False
     slow = trial.greeted("ipc")
-    dealings = dealings_of(trial, slow)
+    dealings = trial.with_(slow)
     trial.wait(lambda: dealings.init_packets or slow.ended)
     if slow.ended or reader.ended or not dealings.init_packets:
         trial.not_observable("the server announces its memory to one reader at a time")
     trial.viewer.opens = True
     resizing.changed(trial, client, other_sizes(trial)[0])
-    trial.wait(lambda: len(dealings_of(trial, reader).init_packets) > 1, REINIT_SECONDS)
+    trial.wait(lambda: len(trial.with_(reader).init_packets) > 1, REINIT_SECONDS)
     trial.wait(lambda: not path.exists(), 10 * SLOW_SECONDS if trial.thorough else SLOW_SECONDS)
     trial.expect(
         path.exists(),
@@ -541,10 +540,10 @@ def check_frees_former_memory(
     everyone = resizing.readers(trial)
     path = path_of(trial, memory_of(trial, everyone[0]))
     for reader in everyone:
-        dealings_of(trial, reader).keeps = True
+        trial.with_(reader).keeps = True
     resizing.changed(trial, client, size)
     last, *others = everyone
-    told = trial.wait(lambda: all(dealings_of(trial, it).kept for it in everyone), REINIT_SECONDS)
+    told = trial.wait(lambda: all(trial.with_(it).kept for it in everyone), REINIT_SECONDS)
     trial.expect(
         told, "no-init-packet", "a reader was sent no further init packet within 5 s (VPT-5)"
     )
@@ -555,7 +554,7 @@ def check_frees_former_memory(
     if answer == "closed":
         trial.viewer.let_go(last)
     else:
-        former = dealings_of(trial, last).kept[0].generation
+        former = trial.with_(last).kept[0].generation
         trial.viewer.say(last, says_of(former, answer))
     gone = trial.wait(lambda: not path.exists(), FREE_SECONDS)
     trial.expect(
@@ -573,17 +572,17 @@ def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> 
     opened that, beside one that lets go.
     """
     keeper = trial.reading()
-    dealings_of(trial, keeper).keeps = True
+    trial.with_(keeper).keeps = True
     other = beside(trial, keeper)
     trial.viewer.opens = False
     silent = trial.greeted("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"])
-    trial.wait(lambda: dealings_of(trial, silent).init_packets or silent.ended)
+    trial.wait(lambda: trial.with_(silent).init_packets or silent.ended)
     trial.viewer.opens = True
     if keeper.ended or other.ended:
         trial.not_observable("the server ends a reader for a further one")
-    late = [keeper, silent] if dealings_of(trial, silent).init_packets else [keeper]
+    late = [keeper, silent] if trial.with_(silent).init_packets else [keeper]
     resizing.changed(trial, client, other_sizes(trial)[0])
-    trial.wait(lambda: dealings_of(trial, keeper).kept or keeper.ended, REINIT_SECONDS)
+    trial.wait(lambda: trial.with_(keeper).kept or keeper.ended, REINIT_SECONDS)
     until = max(map(told_at, late)) + LET_GO_SECONDS + LIMITS["close_seconds"]
     while time.monotonic() < until and not trial.fate():
         trial.sees(other, trial.move())
@@ -621,7 +620,7 @@ def check_closed_ends_the_lease(
     """
     answer, size = case
     holder, frame = holding(trial)
-    trial.viewer.opens, dealings = False, dealings_of(trial, holder)
+    trial.viewer.opens, dealings = False, trial.with_(holder)
     had = len(dealings.init_packets)
     resizing.changed(trial, client, size, holder)
     came = len(dealings.init_packets) > had

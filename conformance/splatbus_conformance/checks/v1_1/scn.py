@@ -46,7 +46,7 @@ def check_tells_of_its_scene(trial: ServerTrial) -> None:
             trial.viewer.say(poser, placed(name, AT_REST))
         answered = answers(trial, poser)
         trial.expect(answered, "no-reply", "poses of its objects, then a request: no answer")
-        unknown = "unknown_object" in trial.viewer.with_(poser).errors()
+        unknown = "unknown_object" in trial.with_(poser).errors()
         why = f"of the objects {show(ids)} one is not known to object_pose"
         trial.expect(not unknown, "unknown-object", why)
     _expect_cameras(trial, within(told, "cameras"))

@@ -44,7 +44,7 @@ class TelemetryReader:
 
     def told(self) -> list[Json]:
         """Every `telemetry` that came."""
-        heard = self.trial.viewer.with_(self.connection).heard
+        heard = self.trial.with_(self.connection).heard
         return [message for message in heard if message.get("type") == "telemetry"]
 
     def expect_nothing(self, code: str, to: str) -> None:
@@ -206,7 +206,7 @@ def check_ignores_series_of_unknown_kinds(trial: ClientTrial) -> None:
 def subscribed(trial: ClientTrial) -> Connection:
     """A new connection on which the testee has subscribed to telemetry."""
     connection = trial.greeted("msg")
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     if not trial.wait(lambda: dealings.count("subscribe_telemetry") or connection.ended):
         trial.not_observable("the testee did not subscribe again")
     return connection

@@ -14,7 +14,6 @@ from splatbus_conformance.trials.moves.clocks import (
     read_clock,
     set_time,
 )
-from splatbus_conformance.trials.moves.frame_readers import frames_of
 from splatbus_conformance.trials.moves.image_session import ImageSession, further
 from splatbus_conformance.trials.moves.survey import first_view
 from splatbus_conformance.trials.server import ServerTrial
@@ -104,7 +103,7 @@ def rendered(trial: ServerTrial) -> list[ClockReading]:
     if not trial.facts.renders:
         return []
     reader, found = trial.reading(), []
-    trial.wait(lambda: frames_of(trial, reader))
+    trial.wait(lambda: trial.with_(reader).frames)
     for _ in range(3):
         sent = time.monotonic()
         frame = trial.sees(reader, trial.move())

@@ -20,7 +20,6 @@ from splatbus_conformance.trials.moves.resizing import (
     asked,
     asked_again,
     changed,
-    dealings_of,
     drawn_sizes,
     other_sizes,
     readers,
@@ -111,12 +110,12 @@ def check_changes_nothing_for_who_cannot_follow(trial: ServerTrial, client: Conn
     """
     reader = trial.reading()
     changed(trial, client, other_sizes(trial)[2], reader)
-    packets = dealings_of(trial, reader).init_packets
+    packets = trial.with_(reader).init_packets
     for size in trial.each(other_sizes(trial)[:2]):
         had = len(packets)
         offer = [it for it in trial.viewer.capabilities["ipc"] if it != "reinit"]
         stiff = trial.ready("ipc", capabilities=offer)
-        if reader.ended or not dealings_of(trial, stiff).init_packets:
+        if reader.ended or not trial.with_(stiff).init_packets:
             trial.not_observable("the server announces its memory to one reader at a time")
         code = asked_again(trial, client, size, "busy")
         told = f"set_viewport beside a reader without reinit was answered by {code}"
@@ -159,7 +158,7 @@ def check_obeys_who_has_control(trial: ServerTrial, client: Connection) -> None:
 def check_has_memory_twice_at_most(trial: ServerTrial, client: Connection) -> None:
     """A reader opens memory of another size and keeps what it had; a third size is asked for."""
     reader = trial.reading()
-    dealings = dealings_of(trial, reader)
+    dealings = trial.with_(reader)
     dealings.keeps = True
     one, two, *_ = other_sizes(trial)
     changed(trial, client, one)
@@ -195,7 +194,7 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial, client: Connect
     and again.
     """
     everyone = readers(trial, 2)
-    dealings_of(trial, everyone[0]).holds = True
+    trial.with_(everyone[0]).holds = True
     everyone.append(trial.ready("ipc", capabilities=["host_shm", "cuda_ipc", "reinit"]))
     everyone = [it for it in everyone if not it.ended]  # older ones may be closed (CHN-13)
     former = trial.facts.size
@@ -205,7 +204,7 @@ def check_tells_every_reader_of_another_size(trial: ServerTrial, client: Connect
         if size == former:
             continue
         former = size
-        told = {it: dealings_of(trial, it).init_packets for it in everyone}
+        told = {it: trial.with_(it).init_packets for it in everyone}
         due = {it: len(packets) for it, packets in told.items() if packets}
         changed(trial, client, size, *due)
         for number, (it, had) in enumerate(due.items(), 1):
@@ -224,7 +223,7 @@ def check_announces_no_other_memory_unasked(trial: ServerTrial, client: Connecti
     a size while another client has control. An init packet comes of none of these.
     """
     reader = trial.reading()
-    packets = dealings_of(trial, reader).init_packets
+    packets = trial.with_(reader).init_packets
     size, others = trial.facts.size, other_sizes(trial)
     for another in (others[2], others[0]):
         had = len(packets)

@@ -3,7 +3,6 @@ at either end.
 """
 
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.moves.listening import declared
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import show, within
 from splatbus_conformance.wire.message_kinds import newer
@@ -27,7 +26,7 @@ def unwelcome(trial: ClientTrial, channel: Channel) -> Connection:
 def offered(trial: Trial, channel: Channel) -> list[str]:
     """The capabilities that the client has there, whoever plays it."""
     if isinstance(trial, ClientTrial):
-        return declared(trial, channel)
+        return trial.facts.capabilities(channel)
     return trial.viewer.capabilities[channel]
 
 
@@ -44,7 +43,7 @@ def agreed(
     connection, answer = trial.answered(channel, capabilities=capabilities, **more)
     welcomed = within(answer, "version") == "1.1"
     trial.expect(welcomed, "no-welcome", f"{what} was answered by {show(answer)}")
-    granted, usual = trial.viewer.with_(connection).granted, trial.facts.capabilities(channel)
+    granted, usual = trial.with_(connection).granted, trial.facts.capabilities(channel)
     told = f"{what} was granted {show(granted)}, and is granted {show(usual)} otherwise"
     trial.expect({*granted} == {*usual}, "other-capabilities", told)
     return connection
@@ -63,7 +62,7 @@ def judge_agreement(trial: Trial, connection: Connection, what: str) -> None:
         trial.expect(trial.opens(connection), "not-opened", f"{what}: its memory was not opened")
         return
     else:
-        heard = trial.role.with_(connection).heard
+        heard = trial.with_(connection).heard
         if trial.facts.says_more:
             agrees = trial.wait(lambda: any(map(newer, heard)) or connection.ended)
             told = f"{what}: it goes on as with a server of 1.0"
@@ -79,21 +78,14 @@ def agreeing(trial: Trial, channel: Channel) -> Connection:
     if isinstance(trial, ClientTrial) and channel == "ipc":
         trial.role.offers_memory = False
         return trial.for_init_packet()
-    with_ = trial.role.with_ if isinstance(trial, ClientTrial) else trial.viewer.with_
     for connection in reversed(trial.peer.connections):
-        if connection.channel == channel and with_(connection).welcome and not connection.gone:
+        if (
+            connection.channel == channel
+            and trial.with_(connection).welcome
+            and not connection.gone
+        ):
             return connection
     return trial.greeted(channel) if isinstance(trial, ClientTrial) else trial.ready(channel)
-
-
-def outcome_of(trial: Trial, connection: Connection, script: bytes) -> str:
-    """What becomes of a script on such a connection, by that channel's control."""
-    if isinstance(trial, ServerTrial):
-        return trial.outcome(connection, script)
-    if connection.channel == "ipc":
-        return trial.outcome_on_ipc(connection, script)
-    connection.send(script)
-    return trial.outcome_on_msg(connection)
 
 
 def named(trial: ServerTrial, channel: Channel, versions: list[str], **more: object) -> object:

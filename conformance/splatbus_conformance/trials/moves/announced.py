@@ -26,7 +26,7 @@ class AnnouncedConnection(NamedTuple):
 def announced(trial: ServerTrial, connection: Connection | None = None) -> AnnouncedConnection:
     """A new IPC connection, or this one, once its init packet has come."""
     connection = connection or trial.dial("ipc")
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     trial.wait(lambda: dealings.init_packets or connection.ended)
     if not dealings.init_packets:
         trial.not_observable("the server sent no init packet")

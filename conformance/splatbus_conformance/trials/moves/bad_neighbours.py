@@ -81,14 +81,14 @@ def work_off(trial: ServerTrial, connection: Connection) -> None:
 def _reads(trial: ServerTrial, connection: Connection) -> None:
     """Be a good reader, if the server has any."""
     if trial.facts.welcome["ipc"] is not None:
-        dealings = trial.viewer.with_(connection)
+        dealings = trial.with_(connection)
         trial.viewer.greet(connection)
         trial.wait(lambda: dealings.heard or connection.ended)
 
 
 def _holds_a_lease(trial: ServerTrial, connection: Connection) -> None:
     """Take a frame and give nothing back."""
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     dealings.holds = True
     trial.viewer.greet(connection)
     trial.wait(lambda: dealings.frames or connection.ended)

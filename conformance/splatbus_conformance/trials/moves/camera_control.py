@@ -48,7 +48,7 @@ class CameraControl:
     def __init__(self, trial: ServerTrial) -> None:
         self.trial = trial
         self.reader = trial.reading()
-        self._frames = trial.viewer.with_(self.reader).frames
+        self._frames = trial.with_(self.reader).frames
         self._nudges = Nudging(trial, self._frames)
         self._was_nudged = False
         if not trial.wait(lambda: self._frames or self.reader.ended):

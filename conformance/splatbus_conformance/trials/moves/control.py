@@ -37,4 +37,4 @@ def in_control(trial: ServerTrial) -> Connection | None:
 
 def busy(trial: ServerTrial, connection: Connection) -> int:
     """How often this connection was told `busy`."""
-    return trial.viewer.with_(connection).errors().count("busy")
+    return trial.with_(connection).errors().count("busy")

@@ -32,7 +32,7 @@ from splatbus_conformance.trials.moves.frame_capture import AT_REST, aside
 from splatbus_conformance.trials.moves.nudging import AGAIN_SECONDS
 from splatbus_conformance.trials.moves.pose_error import pose_in
 from splatbus_conformance.trials.server import ServerTrial
-from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, GLANCE_SECONDS
 from splatbus_conformance.wire.json_values import within
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
 from splatbus_conformance.wire.packets import packet
@@ -53,7 +53,6 @@ BESIDE = aside(aside(AT_ORIGIN))
 """What shows that images do come of poses, where one does not."""
 NOWHERE = Camera(rigid(*AT_ORIGIN), 1.0, 1.0, 0.0, 0.0, 1, 1, 0.01, 100.0)
 """For images whose lens is not known."""
-GLANCE_SECONDS = 0.02
 SETTLED_SECONDS, TIMES, MOST_SECONDS = 0.1, 3.0, 1.5
 """An image is taken for the one of a pose that has not changed for so long, and for so many times
 as long as it took to change, up to so long."""

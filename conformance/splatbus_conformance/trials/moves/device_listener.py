@@ -8,15 +8,19 @@ from contextlib import ExitStack, contextmanager
 
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.trial import ENDING_SECONDS, REACTION_SECONDS, Trial
+from splatbus_conformance.trials.moves.shown_image import image_of
+from splatbus_conformance.trials.trial import (
+    ENDING_SECONDS,
+    GLANCE_SECONDS,
+    REACTION_SECONDS,
+    Trial,
+)
 from splatbus_conformance.wire.messages import encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
 
 DEVICE = ("stand-in", "ipc")
 """What a check needs that is tried there."""
-GLANCE_SECONDS = 0.02
-"""For a client to close, before it is sent the next packet."""
 
 
 class DeviceListener:
@@ -29,7 +33,6 @@ class DeviceListener:
         self._trial, self._held = trial, held
         held.callback(setattr, trial.role, "speaks", trial.role.speaks)
         trial.role.speaks, trial.role.offers_memory = "1.0", False
-        held.callback(self._leave)
         self._further: Connection | None = None
         """A connection on which an image was opened, of a testee that opens more than one there."""
         self._opens_more: bool | None = None
@@ -44,14 +47,7 @@ class DeviceListener:
         self, width: int = 64, height: int = 48, layout: PlaneOffsets | None = None
     ) -> DeviceImage:
         """An image in device memory, drawn and complete; freed in the end."""
-        assert self._trial.device is not None, "a check of device memory needs a device"
-        image = DeviceImage(self._trial.device, width, height, layout)
-        self._held.callback(image.free)
-        self._held.callback(self._leave)
-        image.draw(1)
-        image.event.begin()
-        image.event.complete()
-        return image
+        return self._held.enter_context(image_of(self._trial, width, height, layout))
 
     def fresh(self) -> Connection:
         """A new connection on which nothing has been sent."""
@@ -144,12 +140,6 @@ class DeviceListener:
 
     def _died(self) -> str:
         return "dies" if self._trial.fate() == "dies" else ""
-
-    def _leave(self) -> None:
-        """Memory is freed after the connections that may know of it (CUD-4)."""
-        for connection in self._trial.peer.connections:
-            if connection.channel == "ipc":
-                connection.close()
 
 
 @contextmanager

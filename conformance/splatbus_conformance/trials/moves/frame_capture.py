@@ -27,7 +27,7 @@ class FrameCapture:
         self.began = time.monotonic()
         trial.viewer.releases = False
         self.reader = trial.reading()
-        self.dealings = trial.viewer.with_(self.reader)
+        self.dealings = trial.with_(self.reader)
         self._seen = 0
         trial.wait(lambda: self._came() or self.reader.ended)
         self._last: CapturedFrame | None = None

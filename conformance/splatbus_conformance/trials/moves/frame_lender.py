@@ -19,6 +19,7 @@ from splatbus_conformance.images.painted import Painting, sha256, spoilt
 from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.scripted_server import NextFrame
+from splatbus_conformance.trials.trial import GLANCE_SECONDS
 from splatbus_conformance.wire.conversation import Message
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
@@ -27,7 +28,6 @@ READS = ("hello:ipc", "capability:frames", "opens", "adapter:digest")
 OPENS_DEVICE = ("device", "returns:ipc", "capability:cuda_ipc")
 TAKES_FRAMES_ON_DEVICE = (*OPENS_DEVICE, "capability:frames")
 CHANNELS = ("color", "depth")
-GLANCE_SECONDS = 0.02
 READINGS: tuple[tuple[str, Callable[[NDArray[Any]], NDArray[Any]]], ...] = (
     ("", lambda image: image),
     (", rows top-down", lambda image: image[::-1]),
@@ -65,7 +65,7 @@ def reading(trial: ClientTrial) -> Connection:
     else:  # device memory is announced at once [NEG-15]
         role.welcomes = role.offers_memory = False
         connection = trial.connection("ipc")
-        role.offer(connection, role.init_packet(connection))
+        role.offer(connection)
         if not trial.says_hello(connection):
             trial.not_observable("the testee said no hello on this connection")
         role.welcome(connection)

@@ -43,21 +43,16 @@ def pause_for_an_image(trial: ServerTrial, least: float) -> float:
     takes this server to show a reader, who comes and goes, that the camera has moved; twice.
     """
     reader = trial.reading()
-    trial.grows(reader, frames_of(trial, reader))
+    trial.grows(reader, trial.with_(reader).frames)
     began = trial.peer.clock()
     expect_shown(trial, reader, trial.move())
     reader.close()
     return max(least, 2.0 * (trial.peer.clock() - began))
 
 
-def frames_of(trial: ServerTrial, connection: Connection) -> list[Json]:
-    """The frames that came on a connection; the list grows."""
-    return trial.viewer.with_(connection).frames
-
-
 def memory_of(trial: ServerTrial, reader: Connection) -> Opened:
     """What a reader has open."""
-    memory = trial.viewer.with_(reader).memory
+    memory = trial.with_(reader).memory
     if memory is None:
         trial.not_observable("a reader has no memory open")
     return memory
@@ -72,7 +67,7 @@ def holding(trial: ServerTrial) -> tuple[Connection, Json]:
     """A new reader, and the frame that it holds."""
     with trial.viewer.holding():
         connection = trial.reading()
-    frames = frames_of(trial, connection)
+    frames = trial.with_(connection).frames
     if not trial.grows(connection, frames):
         fell_silent(trial, connection, "the server sent no frame")
     return connection, frames[0]
@@ -89,14 +84,14 @@ def beside(trial: ServerTrial, *others: Connection) -> Connection:
 def joined(trial: ServerTrial) -> Connection | None:
     """One more reader, with memory open here; None if the server refuses or closes it."""
     connection, _ = trial.answered("ipc")
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     trial.wait(lambda: dealings.memory or dealings.refusal or dealings.errors() or connection.ended)
     return None if dealings.memory is None else connection
 
 
 def lent(trial: ServerTrial, connection: Connection) -> bool:
     """Whether a new reader is sent a frame, in time and before an error or the end."""
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     trial.wait(lambda: dealings.frames or dealings.errors() or connection.ended)
     return bool(dealings.frames)
 
@@ -111,7 +106,7 @@ def answer_and_leave(trial: ServerTrial, reader: Connection, generation: object,
 
 def pinning(trial: ServerTrial, connection: Connection) -> Json | None:
     """Have a reader hold an image that no other reader holds: the frame, or None if none comes."""
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     dealings.holds = False
     if trial.sees(connection, trial.move()) is None:
         return None
@@ -123,7 +118,7 @@ def following(trial: ServerTrial, connection: Connection, pose: Json) -> Json | 
     """The frame of this pose that a reader holds once it has given back those before it, which a
     server sends all the time whose scene moves by itself; None if it does not come in time.
     """
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     clock = trial.peer.clock
     deadline = clock() + EFFECT_SECONDS
     while not connection.ended and clock() < deadline:

@@ -49,12 +49,12 @@ def sent(trial: ClientTrial, kind: Kind, quick: int, full: int) -> Iterator[Give
     greeting = trial.greeting
     engine, connection = engine_of(greeting, kind), trial.connection("msg")
     if trial.facts.speaks_1_1("msg"):
-        trial.wait(lambda: trial.role.with_(connection).welcome)
+        trial.wait(lambda: trial.with_(connection).welcome)
     _give(trial, kind, FIRST)
     trial.rest(REACTION_SECONDS)  # for this, and for what it says again of former connections
     search = f"{trial.requirement.id} {kind}"
     drawn = poses(search, single=greeting.single, unit=True).map(Pose.as_lists)
-    heard = trial.role.with_(connection).heard
+    heard = trial.with_(connection).heard
     before = {pose for m in heard if _is_of(kind, m) and (pose := read_pose(m))}
     former = FIRST
     for case in trial.each(drawn=drawn, quick=quick, full=full, simpler=simpler, search=search):
@@ -97,7 +97,7 @@ def _arriving(
     A client may say others unasked: its last one, when it has come back, or what its user does.
     One that it has said before answers nothing; after one that is new the right one follows soon.
     """
-    heard = trial.role.with_(connection).heard
+    heard = trial.with_(connection).heard
     at, nothing = len(heard), True
     _give(trial, kind, pose)
     deadline = time.monotonic() + trial.patience
@@ -149,6 +149,6 @@ def said_again(trial: ClientTrial, kind: Kind, *seconds: float) -> tuple[GivenPo
     this kind in that time, when it has come back.
     """
     *_, given = sent(trial, kind, 1, 1)
-    heard = trial.role.with_(trial.connection("msg")).heard
+    heard = trial.with_(trial.connection("msg")).heard
     trial.wait(lambda: any(_is_of(kind, message) for message in heard), *seconds)
     return given, next((message for message in heard if _is_of(kind, message)), None)

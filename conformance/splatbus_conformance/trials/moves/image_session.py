@@ -58,7 +58,7 @@ class ImageSession:
     @property
     def heard(self) -> list[Json]:
         """All that the server said on the message connection; it grows."""
-        return self.trial.viewer.with_(self.poser).heard
+        return self.trial.with_(self.poser).heard
 
     @property
     def frames(self) -> list[Json]:
@@ -143,7 +143,7 @@ def errors_after(
     trial: ServerTrial, connection: Connection, payload: bytes
 ) -> tuple[list[Json], bool]:
     """Those that come of a packet, and whether a request behind it is answered."""
-    heard = trial.viewer.with_(connection).heard
+    heard = trial.with_(connection).heard
     before = len(heard)
     connection.send(packet(payload))
     answered = answers(trial, connection)

@@ -3,6 +3,7 @@
 from typing import Any
 
 from splatbus_conformance.images.captured import CapturedFrame
+from splatbus_conformance.trials import viewpoint
 from splatbus_conformance.trials.moves.image_session import LENS
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import is_number, show, within
@@ -14,9 +15,8 @@ SINGLE = 2.0**-22
 
 def scaled(lens: Json, size: tuple[int, int]) -> dict[str, Any]:
     """What a server whose images have this size makes of intrinsics (CAM-5)."""
-    across, down = size[0] / lens["width"], size[1] / lens["height"]
-    factors = {"fx": across, "cx": across, "fy": down, "cy": down, "near": 1.0, "far": 1.0}
-    return {name: lens[name] * factors[name] for name in LENS}
+    told = viewpoint.scaled(lens, *size)
+    return {name: told[name] for name in LENS}
 
 
 def same_shape(width: int, height: int, size: tuple[int, int]) -> bool:

@@ -1,8 +1,6 @@
-"""What a client says by itself, and what it declares; each is given its time for that."""
+"""What a client says by itself; each is given its time for that."""
 
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.wire.json_values import texts, within
-from splatbus_conformance.wire.recording import Channel
 from splatbus_conformance.wire.sockets import Connection
 
 LISTENING_SECONDS = 0.4
@@ -10,15 +8,10 @@ LISTENING_SECONDS = 0.4
 
 def heard(trial: ClientTrial, connection: Connection) -> set[str]:
     """The types of all that the testee said on a connection."""
-    return {str(message.get("type")) for message in trial.role.with_(connection).heard}
+    return {str(message.get("type")) for message in trial.with_(connection).heard}
 
 
 def listen(trial: ClientTrial, *connections: Connection) -> None:
     """Give what need not come several times as long as this testee took to say its first word."""
     first = [it.arrived(it.messages[0]) - it.opened for it in connections if it.messages]
     trial.rest(max(LISTENING_SECONDS, *(4 * seconds for seconds in first), 0.0))
-
-
-def declared(trial: ClientTrial, channel: Channel) -> list[str]:
-    """The capabilities that the testee declares on a channel."""
-    return texts(within(trial.facts.hello[channel], "capabilities"))

@@ -1,9 +1,9 @@
 """Where a server of this machine can be reached, of all addresses that the machine has."""
 
-import ipaddress
 import socket
 
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.wire.places import is_loopback
 
 ELSEWHERE = {socket.AF_INET: "192.0.2.1", socket.AF_INET6: "2001:db8::1"}
 """Addresses for documentation: the way to them begins at this machine's own address, and nothing is
@@ -21,11 +21,6 @@ def addresses() -> list[str]:
         except OSError:
             continue
     return [each for each in found if not is_loopback(each)]
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a name or address is of this machine only."""
-    return ipaddress.ip_address(socket.getaddrinfo(host, None)[0][4][0]).is_loopback
 
 
 def accepts(address: str, port: int) -> bool:

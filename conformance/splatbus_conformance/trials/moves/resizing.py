@@ -13,7 +13,6 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.trials.moves.frame_capture import FrameCapture
 from splatbus_conformance.trials.moves.frame_readers import joined
-from splatbus_conformance.trials.scripted_client import DialledConnection
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
 from splatbus_conformance.wire.json_values import whole, within
@@ -49,7 +48,7 @@ def asked(trial: ServerTrial, client: Connection, size: tuple[Any, Any]) -> Json
     """The answer to `set_viewport`; the requirement is violated without one."""
     id = next(_ids)
     request: Json = {"type": "set_viewport", "width": size[0], "height": size[1], "id": id}
-    heard = trial.viewer.with_(client).heard
+    heard = trial.with_(client).heard
     before = len(heard)
     trial.viewer.say(client, request)
 
@@ -94,7 +93,7 @@ def changed(trial: ServerTrial, client: Connection, size: Size, *readers: Connec
 
 def wait_until_told(trial: ServerTrial, size: Size, *readers: Connection) -> None:
     """Wait until these readers have been told of the size that images have."""
-    newest = [dealings_of(trial, reader).init_packets for reader in readers]
+    newest = [trial.with_(reader).init_packets for reader in readers]
     trial.wait(lambda: all(size_of(it[-1]) == size for it in newest), REINIT_SECONDS)
 
 
@@ -151,11 +150,6 @@ def told_at(reader: Connection) -> float:
 def size_of(init_packet: Json) -> tuple[int | None, int | None]:
     """The width and height that an init packet tells."""
     return whole(within(init_packet, "meta", "w"), 1), whole(within(init_packet, "meta", "h"), 1)
-
-
-def dealings_of(trial: ServerTrial, connection: Connection) -> DialledConnection:
-    """What was said on a connection."""
-    return trial.viewer.with_(connection)
 
 
 def readers(trial: ServerTrial, most: int = 3) -> list[Connection]:

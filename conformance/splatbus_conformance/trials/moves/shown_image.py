@@ -8,13 +8,12 @@ from contextlib import contextmanager
 
 from splatbus_conformance.images.memory.cuda_stand_in.image import DeviceImage, PlaneOffsets
 from splatbus_conformance.trials.client import ClientTrial
-from splatbus_conformance.trials.trial import EFFECT_SECONDS
+from splatbus_conformance.trials.trial import EFFECT_SECONDS, GLANCE_SECONDS
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.sockets import Connection
 
 BY_CALLS = ("stand-in", "returns:ipc")
 BY_DIGEST = ("device", "returns:ipc", "adapter:digest")
-GLANCE_SECONDS = 0.02
 
 
 @contextmanager

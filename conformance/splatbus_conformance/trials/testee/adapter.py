@@ -11,7 +11,7 @@ import queue
 import subprocess
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -20,16 +20,12 @@ from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.trials.testee.process import (
     STOP_SECONDS,
     WINDOWS_CRASH,
-    Command,
     Ended,
+    Started,
     end,
-    forget_if_gone,
-    lives_of,
 )
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.messages import Json
-from splatbus_conformance.wire.recording import Channel
-from splatbus_conformance.wire.secrets import hidden
 from splatbus_conformance.wire.sockets import Peer
 
 if TYPE_CHECKING:  # slow to import, and used where there is an adapter
@@ -70,61 +66,36 @@ class Greeting(NamedTuple):
     can: frozenset[str]
 
 
-class Adapted:
-    """A testee that the harness starts, and asks, through its adapter."""
+class Adapted(Started):
+    """A testee that the harness starts, and asks, through its adapter, with which it ends."""
 
-    expendable = True
+    crashed_from = WINDOWS_CRASH if os.name == "nt" else CRASHED
 
     def __init__(
         self, command: str, environment: Mapping[str, str], peer: Peer, patience: float
     ) -> None:
-        self.name = hidden(command)
+        super().__init__(command, environment)
         self.greeting: Greeting | None = None
         """Of the adapter that was started last."""
-        self._starts: list[float] = []
-        self._command = Command(command, environment)
-        self.argv = self._command.argv
         self._peer, self._patience = peer, patience
-        self._process: subprocess.Popen[bytes] | None = None
         self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._commands: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
         self._last = 0
         self._mute = False
         """It broke off: nothing more is asked of it."""
 
-    @property
-    def group(self) -> int | None:
-        """Its processes and the client's, while they run."""
-        return self._process.pid if self._process and os.name == "posix" else None
-
-    @property
-    def started(self) -> float:
-        """The last of its starts."""
-        return self._starts[-1] if self._starts else 0.0
-
-    @property
-    def lives(self) -> Sequence[tuple[float, float]]:
-        """Of all processes of the adapter, with which its client ends."""
-        return lives_of(self._starts, self._process)
-
-    def ensure_running(self) -> bool:
-        """Start it if it does not run, with its client. Raises NoVerdict, AdapterBroken."""
-        if self._process is not None:
-            if self._process.poll() is None:
-                return False
-            forget_if_gone(self._process)
+    def _start(self) -> None:
+        """With its client. Raises AdapterBroken besides."""
         self.open()
         with contextlib.suppress(ClientCrashed):  # `ended` says so
             self.ask("start")
-        return True
 
     def open(self) -> Greeting:
         """Start the adapter, without its client, and read its first line.
 
         Raises AdapterBroken, and NoVerdict if the command cannot be started.
         """
-        self._starts.append(time.monotonic())
-        process = self._process = self._command.start({}, subprocess.PIPE, subprocess.PIPE)
+        process = self._begin({}, subprocess.PIPE, subprocess.PIPE)
         self._mute = False
         self._lines, self._commands = queue.SimpleQueue(), queue.SimpleQueue()
         for what, lines in ((_read, self._lines), (_write, self._commands)):
@@ -171,14 +142,6 @@ class Adapted:
             )
         return answer
 
-    def ended(self) -> Ended | None:
-        """How it ended, or None while it runs."""
-        status = self._process.poll() if self._process else None
-        if status is None:
-            return None
-        crashed = status < 0 or status >= (WINDOWS_CRASH if os.name == "nt" else CRASHED)
-        return Ended(status, crashed)
-
     def stop(self) -> Ended | None:
         """Ask it to end, then make it."""
         if self._process is None:
@@ -200,22 +163,6 @@ class Adapted:
         end(process)
         ended, self._process = self.ended(), None
         return ended
-
-    def output(self) -> str:
-        """The end of what it said on stderr."""
-        return self._command.printed()
-
-    def missed(self, channel: Channel) -> None:
-        """The adapter is told to start its client, so there is nothing to say."""
-
-    def asked_to_start(self, what_for: str) -> bool:
-        """The adapter is told to start its client."""
-        return True
-
-    def close(self) -> None:
-        """End it, and forget what it printed."""
-        self.stop()
-        self._command.forget()
 
     def _next_line(self, what: str, seconds: float) -> Json:
         deadline = time.monotonic() + seconds

@@ -8,11 +8,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from splatbus_conformance.images.memory.device import why_no_device
 from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import os_evidence, probe_advice
 from splatbus_conformance.trials.testee.adapter import Greeting
+from splatbus_conformance.trials.testee.facts import Facts, observed
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.trials.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
@@ -38,7 +38,7 @@ MOST_EFFECT_SECONDS = 30.0
 
 
 @dataclass
-class ClientFacts:
+class ClientFacts(Facts):
     """What the testee showed of itself when it was first met."""
 
     hello: dict[Channel, Json | None] = field(default_factory=lambda: {"ipc": None, "msg": None})
@@ -59,10 +59,6 @@ class ClientFacts:
     """It opened the memory that it was offered."""
     adapter: Greeting | None = None
     """What the adapter beside it says of itself, where there is one."""
-    device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
-    """Why nothing is seen of what it does with device memory; None if it is seen."""
-    device: str = ""
-    """Where device memory for it lies: a GPU, or the stand-in; nothing if there is none."""
     returns: set[Channel] = field(default_factory=set)
     """Channels that it connects to again after its connection was closed."""
     expendable: bool = False
@@ -83,8 +79,6 @@ class ClientFacts:
     """The longest that it was seen to take for its first word, or for an answer, in seconds."""
     away_seconds: float = 0.0
     """The longest that it stayed away before it came back, while it was listened for."""
-    advice: list[str] = field(default_factory=list)
-    """What the meeting suggests to its author."""
 
     @property
     def waited_for(self) -> float:
@@ -118,9 +112,9 @@ class ClientFacts:
         """It said `hello` on this channel."""
         return self.hello[channel] is not None
 
-    def capabilities(self) -> list[str]:
-        """What it declared on the IPC channel."""
-        return texts(within(self.hello["ipc"], "capabilities"))
+    def capabilities(self, channel: Channel = "ipc") -> list[str]:
+        """What it declared on a channel."""
+        return texts(within(self.hello[channel], "capabilities"))
 
     def version(self) -> str:
         """The newest version that it speaks: it is judged by that."""
@@ -165,23 +159,17 @@ class ClientFacts:
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
         kind, _, of = need.partition(":")
-        if kind == "stand-in":
-            return self.device_unseen
-        if kind == "device":
-            return why_no_device(self.device, self.device_unseen)
-        if kind in ("adapter", "axes"):
-            return self._adapter_lacks(kind, of)
-        known, why = NEEDS[kind](self, of)
-        return None if known else f"the testee {why}"
-
-    def _adapter_lacks(self, kind: str, of: str) -> str | None:
+        if kind in ("stand-in", "device"):
+            return self.device_lacks(kind)
+        if kind not in ("adapter", "axes"):
+            known, why = NEEDS[kind](self, of)
+            return None if known else f"the testee {why}"
         if self.adapter is None:
             return "only an adapter could show it: --adapter"
         if kind == "adapter":
             return None if of in self.adapter.can else f"the adapter has no command {of}"
-        return (
-            None if of == self.adapter.axes else f"its poses are in the axes of {self.adapter.axes}"
-        )
+        axes = self.adapter.axes
+        return None if of == axes else f"its poses are in the axes of {axes}"
 
 
 NEEDS: dict[str, Callable[[ClientFacts, Any], tuple[object, str]]] = {
@@ -362,19 +350,13 @@ def _shown(connections: Sequence[Connection], role: ScriptedServer) -> ClientFac
 def _met(
     connection: Connection, role: ScriptedServer, testee: Testee
 ) -> probe_advice.ObservedConnection:
-    dealings = role.with_(connection)
-    unread = (it.packet.payload for it in connection.messages if it.value is None)
-    return probe_advice.ObservedConnection(
-        connection.channel,
-        connection.port,
-        dealings.heard,
-        connection.no_packet,
-        next(unread, b""),
-        connection.ended is not None,
-        _offered(role, connection),
-        next((str(it.get("reason")) for it in dealings.heard if _declines(it)), ""),
-        _process(connection, testee),
-        connection.unfinished,
+    failed = role.with_(connection).all_of("open_failed")
+    return observed(connection, connection.port)._replace(
+        ended=connection.ended is not None,
+        offered=_offered(role, connection),
+        failed=str(failed[0].get("reason")) if failed else "",
+        process=_process(connection, testee),
+        unfinished=connection.unfinished,
     )
 
 
@@ -383,10 +365,6 @@ def _offered(role: ScriptedServer, connection: Connection) -> str:
     dealings = role.with_(connection)
     told = dealings.generation or dealings.count("get_viewport_size")
     return f"images of {role.width}x{role.height}" if told else ""
-
-
-def _declines(message: Json) -> bool:
-    return message.get("type") == "open_failed"
 
 
 def _process(connection: Connection, testee: Testee) -> int | None:

@@ -116,24 +116,26 @@ def _may_write(pid: int, path: str) -> bool:
 
 
 def _writes(pid: int, path: str) -> bool:
-    with contextlib.suppress(OSError):
-        for entry in (PROC / str(pid) / "fd").iterdir():
-            with contextlib.suppress(OSError):
-                if str(entry.readlink()).removesuffix(" (deleted)") == path:
-                    told = (PROC / str(pid) / "fdinfo" / entry.name).read_text()
-                    flags = next(it for it in told.splitlines() if it.startswith("flags:"))
-                    if int(flags.split()[1], 8) & (os.O_WRONLY | os.O_RDWR):
-                        return True
+    for number, opened in _opened(pid):
+        with contextlib.suppress(OSError):
+            if opened == path:
+                told = (PROC / str(pid) / "fdinfo" / number).read_text()
+                flags = next(it for it in told.splitlines() if it.startswith("flags:"))
+                if int(flags.split()[1], 8) & (os.O_WRONLY | os.O_RDWR):
+                    return True
     return False
 
 
 def _open_files(pid: int) -> set[str]:
-    found: set[str] = set()
+    return {path for _, path in _opened(pid)}
+
+
+def _opened(pid: int) -> Iterator[tuple[str, str]]:
+    """The number of each open file, and its path."""
     with contextlib.suppress(OSError):
         for entry in (PROC / str(pid) / "fd").iterdir():
             with contextlib.suppress(OSError):
-                found.add(str(entry.readlink()).removesuffix(" (deleted)"))
-    return found
+                yield entry.name, str(entry.readlink()).removesuffix(" (deleted)")
 
 
 class Queues(NamedTuple):

@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 from splatbus_conformance import guard
@@ -176,21 +177,13 @@ def end(process: subprocess.Popen[bytes], kindly: float = STOP_SECONDS) -> None:
         guard.forget(Kind.GROUP, process.pid)
 
 
-def forget_if_gone(process: subprocess.Popen[bytes]) -> None:
+def _forget_if_gone(process: subprocess.Popen[bytes]) -> None:
     """Of one that has ended, and nothing of its group is left: another may come to its number."""
     if sys.platform != "win32":
         try:
             os.killpg(process.pid, 0)
         except ProcessLookupError:
             guard.forget(Kind.GROUP, process.pid)
-
-
-def lives_of(
-    starts: Sequence[float], last: subprocess.Popen[bytes] | None
-) -> list[tuple[float, float]]:
-    """As `Testee.lives`, of processes that followed each other; None if the last was ended."""
-    alive = last is not None and last.poll() is None
-    return list(zip(starts, (*starts[1:], math.inf if alive else time.monotonic()), strict=False))
 
 
 def _let_others_leave(process: subprocess.Popen[bytes]) -> None:
@@ -233,17 +226,21 @@ def _file(program: str) -> diagnostics.File:
     return diagnostics.File(path.exists(), path.is_dir(), first.decode("utf-8", "replace").rstrip())
 
 
-class Launched:
-    """A testee that the harness starts, again for each scenario that left none alive."""
+class Started:
+    """A testee that the harness starts, again for each scenario that left none alive.
+
+    Attributes:
+        crashed_from: the least status that tells of a crash, besides signals.
+    """
 
     expendable = True
+    crashed_from: float = WINDOWS_CRASH if os.name == "nt" else math.inf
 
     def __init__(self, command: str, environment: Mapping[str, str]) -> None:
         self.name = hidden(command)
         self._command = Command(command, environment)
         self.argv = self._command.argv
         self._starts: list[float] = []
-        self._added: Mapping[str, str] = {}
         self._process: subprocess.Popen[bytes] | None = None
 
     def ensure_running(self) -> bool:
@@ -251,10 +248,18 @@ class Launched:
         if self._process is not None:
             if self._process.poll() is None:
                 return False
-            forget_if_gone(self._process)
-        self._starts.append(time.monotonic())
-        self._process = self._command.start(self._added, subprocess.DEVNULL)
+            _forget_if_gone(self._process)
+        self._start()
         return True
+
+    def _start(self) -> None:
+        raise NotImplementedError
+
+    def _begin(self, added: Mapping[str, str], *pipes: int) -> subprocess.Popen[bytes]:
+        """Start a process, as `Command` has it."""
+        self._starts.append(time.monotonic())
+        self._process = self._command.start(added, *pipes)
+        return self._process
 
     @property
     def group(self) -> int | None:
@@ -268,20 +273,17 @@ class Launched:
 
     @property
     def lives(self) -> Sequence[tuple[float, float]]:
-        """Of all its processes."""
-        return lives_of(self._starts, self._process)
-
-    def add_to_environment(self, added: Mapping[str, str]) -> None:
-        """End it; from now on it is started with these variables beside the usual ones."""
-        self.stop()
-        self._added = added
+        """Of all its processes, which followed each other."""
+        alive = self._process is not None and self._process.poll() is None
+        ends = *self._starts[1:], math.inf if alive else time.monotonic()
+        return list(zip(self._starts, ends, strict=False))
 
     def ended(self) -> Ended | None:
         """How it ended, or None while it runs."""
         status = self._process.poll() if self._process else None
         if status is None:
             return None
-        return Ended(status, crashed=status < 0 or (os.name == "nt" and status >= WINDOWS_CRASH))
+        return Ended(status, crashed=status < 0 or status >= self.crashed_from)
 
     def stop(self) -> Ended | None:
         """Ask it to end, then make it."""
@@ -307,6 +309,20 @@ class Launched:
         """End it, and forget what it printed."""
         self.stop()
         self._command.forget()
+
+
+class Launched(Started):
+    """One that is started by a command alone."""
+
+    _added: Mapping[str, str] = MappingProxyType({})
+
+    def _start(self) -> None:
+        self._begin(self._added, subprocess.DEVNULL)
+
+    def add_to_environment(self, added: Mapping[str, str]) -> None:
+        """End it; from now on it is started with these variables beside the usual ones."""
+        self.stop()
+        self._added = added
 
 
 class Awaited:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 
 from splatbus_conformance.images.captured import CapturedFrame, photograph_of, shows_the_scene
 from splatbus_conformance.images.known_scene import SceneState
-from splatbus_conformance.images.memory.device import why_no_device
 from splatbus_conformance.images.pinhole import ObjectPlacement, placed_in
 from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.rules.v1_0.ini import size
 from splatbus_conformance.trials.scripted_client import DialledConnection, ScriptedClient
 from splatbus_conformance.trials.testee import diagnostics, probe_advice
+from splatbus_conformance.trials.testee.facts import Facts, observed
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.json_values import finite, finites, texts, within
@@ -37,7 +37,7 @@ AN_ID = 7
 
 
 @dataclass
-class ServerFacts:
+class ServerFacts(Facts):
     """What the server showed of itself when it was first met."""
 
     listens: dict[Channel, bool] = field(default_factory=lambda: dict.fromkeys(CHANNELS, True))
@@ -74,13 +74,6 @@ class ServerFacts:
     guarded: bool = False
     """It requires the token that it was given."""
     size: tuple[int, int] = (0, 0)
-    device: str = ""
-    """On which its CUDA memory is read: a GPU, or the stand-in; nothing if there is none."""
-
-    device_unseen: str | None = "only the stand-in CUDA runtime could show it: --stand-in-cuda"
-    """Why nothing is seen of what it does with device memory, or None."""
-    advice: list[str] = field(default_factory=list)
-    """What the meeting suggests to its author, or to who started it."""
 
     def __str__(self) -> str:
         """What it did when friendly clients came."""
@@ -148,10 +141,8 @@ class ServerFacts:
     def lacks(self, need: str) -> str | None:
         """Why a check that needs this can show nothing, or None if it can."""
         kind, _, of = need.partition(":")
-        if kind == "stand-in":
-            return self.device_unseen
-        if kind == "device":
-            return why_no_device(self.device, self.device_unseen)
+        if kind in ("stand-in", "device"):
+            return self.device_lacks(kind)
         known, why = NEEDS[kind](self, of)
         return None if known else f"the server {why}"
 
@@ -216,7 +207,7 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     is_open = viewer.token is not None and any(facts.welcome.values()) and not facts.guarded
     is_blank = "frames" in facts.capabilities("ipc") and facts.init_packet is None
-    met = [_met(it, viewer) for it in peer.connections]
+    met = [observed(it, it.testee_port) for it in peer.connections]
     facts.advice = probe_advice.on_server(met, is_open, is_blank)
     facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
     peer.close_all()
@@ -352,17 +343,6 @@ def _plays(peer: Peer, viewer: ScriptedClient, facts: ServerFacts) -> bool:
 
 def _scene(dealings: DialledConnection) -> Json | None:
     return next((said for said in dealings.heard if said.get("type") == "scene"), None)
-
-
-def _met(connection: Connection, viewer: ScriptedClient) -> probe_advice.ObservedConnection:
-    unread = (it.packet.payload for it in connection.messages if it.value is None)
-    return probe_advice.ObservedConnection(
-        connection.channel,
-        connection.testee_port,
-        [it.value for it in connection.messages if it.value is not None],
-        connection.no_packet,
-        next(unread, b""),
-    )
 
 
 def _refusal(peer: Peer, channel: Channel) -> str:

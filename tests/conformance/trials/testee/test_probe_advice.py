@@ -4,29 +4,22 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from splatbus_conformance.plan import Plan, Side
 from splatbus_conformance.run.testbed import set_up
-from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.trials.testee.probe_advice import (
+    ObservedConnection,
+    on_client,
+    on_server,
+)
 from splatbus_conformance.wire.ports import free_port
+from splatbus_conformance.wire.recording import Channel
 
 from tests.conformance.harness import GOOD, MINIATURE, broken
 from tests.peers.legacy_server import running
 
-SAYS = """
-import os, socket, sys, time
-while True:
-    try:
-        port = int(os.environ["SPLATBUS_MSG_PORT"])
-        with socket.create_connection((os.environ["SPLATBUS_HOST"], port)) as sock:
-            sock.sendall(bytes.fromhex(sys.argv[1]))
-            while sock.recv(4096):
-                pass
-    except OSError:
-        pass
-    time.sleep(0.1)
-"""
 BEGINS = 'if __name__ == "__main__":\n'
 """Of the part of the miniature that runs first."""
 CONNECTED = """def connected(port):
@@ -54,50 +47,54 @@ def said_of(plan: Plan) -> str:
         testbed.close()
 
 
-@pytest.fixture
-def says(tmp_path: Path):
-    """The command of a client that sends these bytes on the message channel, and no more."""
-    script = tmp_path / "says.py"
-    script.write_text(SAYS, "utf-8")
-    return lambda data: f'"{sys.executable}" "{script}" {data.hex()}'
-
-
 def test_a_good_client_is_told_nothing() -> None:
     assert advice(GOOD) == ""
 
 
+def seen(channel: Channel, **what: Any) -> ObservedConnection:
+    return ObservedConnection(channel, 1, **what)
+
+
+ODD = {"type": "hello", "capabilities": ["frames"]}, {"type": "welcome", "capabilities": ["scene"]}
+STAYS = seen("ipc")
+
+
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("met", "words"),
     [
-        (len(TEXT).to_bytes(4, "big") + TEXT, "the length has to be little-endian (FRM-1)"),
-        (TEXT + b"\n", "JSON without a header"),
-        (b"GET / HTTP/1.1\r\n\r\n", "this is HTTP"),
-        ((len(TEXT) + 1).to_bytes(4, "little") + TEXT + b"\0", "the text has no terminator"),
-        ((len(TEXT) + 4).to_bytes(4, "little") + TEXT, "the length does not count the header"),
+        ([STAYS], "Nothing connected to the message channel, port 2"),
+        ([seen("ipc", heard=[{"type": "camera_pose"}])], "camera_pose came on the IPC channel"),
+        ([STAYS, seen("msg", heard=[ODD[0]])], "lists what belongs to the other: frames. --ports"),
+        ([STAYS, seen("msg", process=8)], "Process 8 connects, which the harness did not start"),
+        ([STAYS, *(seen("msg", process=it) for it in (4, 5))], "to the message channel: 4 and 5"),
+        ([STAYS, seen("msg", refused=b"GET / HTTP/1.1\r\n")], "this is HTTP"),
+        (
+            [STAYS, seen("msg", refused=b"\xff" * 9)],
+            "the message channel came bytes that are no",
+        ),
+        ([STAYS, seen("msg", unread=TEXT + b"\0")], "the text has no terminator (FRM-1)"),
+        ([STAYS, seen("msg", unfinished=TEXT)], "the length does not count the header (FRM-1)"),
     ],
 )
-def test_foreign_bytes_are_recognised(says, data: bytes, words: str) -> None:
-    told = advice(says(data))
-    assert "On the message channel came" in told
+def test_a_client_is_told_one_thing(met: list[ObservedConnection], words: str) -> None:
+    (told,) = on_client(met, {"ipc": 1, "msg": 2}, 4)
     assert words in told
 
 
-def test_a_channel_without_a_connection_is_named_with_its_port(says) -> None:
-    ports = free_port(), free_port()
-    told = advice(says(packet(TEXT)), ports)
-    assert f"Nothing connected to the IPC channel, port {ports[0]}" in told
-
-
-def test_a_client_with_swapped_ports_is_found_out(tmp_path: Path) -> None:
-    """By its poses if it speaks 1.0, by its hello if it speaks 1.1."""
-    swapped = broken(
-        tmp_path,
-        ('environ.get("SPLATBUS_IPC_PORT"', 'environ.get("OTHER"'),
-        ('environ.get("SPLATBUS_MSG_PORT"', 'environ.get("SPLATBUS_IPC_PORT"'),
-        ('environ.get("OTHER"', 'environ.get("SPLATBUS_MSG_PORT"'),
-    )
-    for command in (swapped, swapped.removesuffix("1.1") + "1.0"):
-        assert "The two ports may be swapped" in advice(command)
+@pytest.mark.parametrize(
+    ("met", "more", "words"),
+    [
+        (seen("msg", heard=[{"meta": {}}]), (), "an init packet came on the message channel"),
+        (seen("ipc", heard=[ODD[1]]), (), "the welcome on the IPC channel, port 1, lists what"),
+        (STAYS, (True, False), "SPLATBUS_TOKEN is set here"),
+        (STAYS, (False, True), "announced no memory"),
+    ],
+)
+def test_a_server_is_told_one_thing(
+    met: ObservedConnection, more: tuple[bool, ...], words: str
+) -> None:
+    (told,) = on_server([met], *more)
+    assert words in told
 
 
 def test_a_client_that_insists_on_its_own_size_is_told_of_viewport(tmp_path: Path) -> None:
@@ -109,9 +106,6 @@ def test_a_client_that_insists_on_its_own_size_is_told_of_viewport(tmp_path: Pat
     told = advice(command)
     assert "when it was told of images of 64x48" in told
     assert "--viewport 1920x1080" in told
-
-
-def test_what_open_failed_says_is_passed_on(tmp_path: Path) -> None:
     told = advice(broken(tmp_path, ('memory["kind"] == "host_shm"', "False")))
     assert "it says 'a rule is broken'" in told
 
@@ -134,11 +128,8 @@ def test_a_client_that_was_left_over_is_told_by_its_process(tmp_path: Path) -> N
     assert "left over from before" in told
 
 
-def server_advice(ports: tuple[int, int]) -> str:
-    return said_of(plan("server", None, ports))
-
-
 def test_a_server_on_swapped_ports_is_found_out() -> None:
     with running() as (ipc, msg):
-        assert server_advice((ipc, msg)) == ""
-        assert "an init packet came on the message channel" in server_advice((msg, ipc))
+        assert said_of(plan("server", None, (ipc, msg))) == ""
+        told = said_of(plan("server", None, (msg, ipc)))
+        assert "an init packet came on the message channel" in told

@@ -2,57 +2,39 @@
 
 import os
 import sys
-import time
 from pathlib import Path
 
 import pytest
 from splatbus_conformance.trials.testee.process import Launched
 
+from tests.waiting import eventually
+
 SAYS = """
-import os, pathlib, sys
+import os, pathlib, sys, time
 said = f"{os.environ['USUAL']} {os.environ.get('ADDED')}"
 pathlib.Path(sys.argv[1]).write_text(said)
+time.sleep(60)
 """
 
 
-@pytest.fixture
-def said(tmp_path: Path):
-    """What the testee says when it is started, with these variables added if any are given."""
+def test_variables_stand_before_the_usual_ones_and_can_be_taken_back(tmp_path: Path) -> None:
+    """It is ended before it is started otherwise."""
     script, file = tmp_path / "says.py", tmp_path / "said"
     script.write_text(SAYS)
+    file.touch()
     launched = Launched(f'"{sys.executable}" "{script}" "{file}"', {"USUAL": "usual"})
-
-    def start(added=None) -> str:
-        if added is not None:
-            launched.add_to_environment(added)
-        assert launched.ensure_running()
-        launched._process.wait(10)
-        return file.read_text().strip()
-
-    yield start
-    launched.close()
-
-
-def test_it_finds_the_usual_variables(said):
-    assert said() == "usual None"
-
-
-def test_variables_can_be_added_and_taken_back(said):
-    assert said({"ADDED": "more"}) == "usual more"
-    assert said({}) == "usual None"
-
-
-def test_a_variable_that_is_added_stands_before_a_usual_one(said):
-    assert said({"USUAL": "other"}) == "other None"
-
-
-def test_it_is_ended_before_it_is_started_otherwise(tmp_path):
-    launched = Launched(f'"{sys.executable}" -c "import time; time.sleep(60)"', {})
     try:
-        launched.ensure_running()
-        launched.add_to_environment({"ADDED": "more"})
-        assert launched.ended() is None
-        assert launched.ensure_running(), "it still ran"
+        for added, said in (
+            ({}, "usual None"),
+            ({"ADDED": "more"}, "usual more"),
+            ({"USUAL": "other"}, "other None"),
+            ({}, "usual None"),
+        ):
+            launched.add_to_environment(added)
+            assert launched.ended() is None
+            assert launched.ensure_running()
+            assert not launched.ensure_running()
+            assert eventually(lambda said=said: file.read_text() == said)
     finally:
         launched.close()
 
@@ -84,10 +66,7 @@ def test_what_it_started_may_clear_up_behind_it(tmp_path):
     launched = Launched(f'"{sys.executable}" "{program}" "{helper}" "{file}"', {})
     try:
         launched.ensure_running()
-        deadline = time.monotonic() + 10
-        while not file.exists() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert file.exists()
+        assert eventually(file.exists)
         launched.stop()
         assert not file.exists()
     finally:

@@ -1,13 +1,10 @@
 """Captures read as recordings."""
 
-import contextlib
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from splatbus_conformance.wire import capture
 from splatbus_conformance.wire.capture import Capture, CaptureError, is_capture, load
 from splatbus_conformance.wire.recording import Entry
@@ -85,20 +82,6 @@ def test_a_file_of_nonsense(read: Read) -> None:
         read(pcap([])[:10])
 
 
-@settings(max_examples=15, deadline=None)
-@given(st.data())
-def test_no_bytes_make_it_fail_otherwise(
-    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
-) -> None:
-    whole = bytearray(pcap(sent(TALK)))
-    for _ in range(data.draw(st.integers(1, 4))):
-        whole[data.draw(st.integers(4, len(whole) - 1))] = data.draw(st.integers(0, 255))
-    path = tmp_path_factory.getbasetemp() / "spoiled.pcap"
-    path.write_bytes(whole[: data.draw(st.integers(0, len(whole)))])
-    with contextlib.suppress(CaptureError):
-        load(path, 6001, 6000)
-
-
 def test_without_tshark_it_says_what_is_missing(
     read: Read, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -121,17 +104,10 @@ def test_packets_that_were_captured_in_part(read: Read) -> None:
 
 def test_other_ports(read: Read) -> None:
     data = pcap(sent(TALK, {"ipc": 7001, "msg": 7000}))
-    assert len(read(data, (7001, 7000)).sessions[0]) == len(TALK)
+    (session,) = read(data, (1, 7000)).sessions
+    assert {entry.channel for entry in session} == {"msg"}, "one channel is enough"
     with pytest.raises(CaptureError, match=r"it has TCP ports 7000, 7001: .*--ports IPC,MSG"):
         read(data)
-
-
-def test_one_channel_is_enough(read: Read) -> None:
-    (session,) = read(pcap(sent(TALK)), (1, 6000)).sessions
-    assert {entry.channel for entry in session} == {"msg"}
-
-
-def test_nothing_at_all(read: Read) -> None:
     with pytest.raises(CaptureError, match="no TCP at all"):
         read(pcap([]))
 
@@ -146,20 +122,12 @@ def test_what_is_too_much_is_left_over(
     assert line.startswith("what came after 0.0")
 
 
-def test_a_refused_connection_is_none(read: Read) -> None:
+def test_a_refused_connection_is_none_and_the_same_ports_again_are_another(read: Read) -> None:
     knock, *_ = whole = sent(TALK)
     knock = knock._replace(source=("192.168.0.1", 50_000), seq=7)
     refusal = knock._replace(source=knock.target, target=knock.source, syn=False, rst=True, ack=8)
-    (session,) = read(pcap([knock, refusal, *whole])).sessions
-    assert len(session) == len(TALK)
-
-
-def test_the_same_ports_again_are_another_connection(read: Read) -> None:
-    again = [
-        it._replace(seq=(it.seq + 5000) % 2**32, ack=it.ack and (it.ack + 5000) % 2**32)
-        for it in sent(TALK)
-    ]
-    (session,) = read(pcap([*sent(TALK), *again])).sessions
+    again = [it._replace(seq=it.seq + 5000, ack=it.ack and it.ack + 5000) for it in whole]
+    (session,) = read(pcap([knock, refusal, *whole, *again])).sessions
     assert {(entry.channel, entry.conn) for entry in session} == {
         (channel, number) for channel in ("ipc", "msg") for number in (1, 2)
     }

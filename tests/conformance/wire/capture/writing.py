@@ -67,7 +67,7 @@ def pcap(segments: Iterable[Segment], most: int = 1 << 18) -> bytes:
 def framed(it: Segment) -> bytes:
     """A segment with its headers."""
     flags = it.syn * SYN | it.fin * FIN | it.rst * RST | (it.ack is not None) * ACK
-    ports, numbers = (it.source[1], it.target[1]), (it.seq % 2**32, it.ack or 0)
+    ports, numbers = (it.source[1], it.target[1]), (it.seq % 2**32, (it.ack or 0) % 2**32)
     tcp = struct.pack(">HHIIBBHHH", *ports, *numbers, 5 << 4, flags, 512, 0, 0) + it.data
     ends = b"".join(bytes(map(int, end[0].split("."))) for end in (it.source, it.target))
     ip = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(tcp), 1, 0x4000, 64, 6, 0) + ends + tcp

@@ -249,7 +249,7 @@ def check_shows_images_by_their_semantics(trial: ClientTrial) -> None:
     """
     for semantics in ({}, *SEMANTICS):
         connection, told = offered(trial, semantics)
-        dealings = trial.role.with_(connection)
+        dealings = trial.with_(connection)
         if not trial.opens(connection):
             declined = dealings.generation in dealings.failed
             trial.judge("declines" if declined else "ignores", str(semantics))

@@ -127,7 +127,7 @@ def check_waits_for_the_init_packet(trial: ClientTrial) -> bool:
     if connection is not None and trial.facts.opens:
         if not trial.says_hello(connection):
             return False
-        trial.role.offer(connection, trial.role.init_packet(connection))
+        trial.role.offer(connection)
         outcome = "waits" if trial.opens(connection) else "hangs"
         trial.judge(outcome, f"an init packet that came after {seconds:g} s")
         return True
@@ -155,7 +155,7 @@ def check_gives_up_a_reply(trial: ClientTrial) -> None:
     """The first request is never answered."""
     trial.role.replies = False
     connection = trial.connection("msg")
-    asks = trial.role.with_(connection).count
+    asks = trial.with_(connection).count
     trial.wait(lambda: any(map(asks, trial.facts.asks)) or connection.ended)
     if not any(map(asks, trial.facts.asks)):
         trial.not_observable("the testee asked nothing on this connection")
@@ -188,7 +188,7 @@ def check_closes_after_end_of_stream(trial: ClientTrial, channel: Channel, await
 
 def _says_what_it_says(trial: ClientTrial, connection: Connection, *, replied: bool) -> None:
     """Wait for one request, which is not replied to, or for all, and for poses that come then."""
-    facts, count = trial.facts, trial.role.with_(connection).count
+    facts, count = trial.facts, trial.with_(connection).count
     asks = facts.asks if facts.asks_again or "msg" not in facts.returns else set()
 
     def said() -> bool:
@@ -307,6 +307,6 @@ def check_uses_the_new_memory(
         "not-opened",
         f"memory of {width}x{height} after a {how}, and a reconnect, was not opened",
     )
-    frames = trial.role.with_(again).frames
+    frames = trial.with_(again).frames
     released = not frames or trial.releases(again, frames[0])
     trial.expect(released, "not-released", "no frame of the new memory was released")

@@ -148,7 +148,7 @@ def check_paces_attempts_without_images(trial: ClientTrial) -> None:
 
 
 def _closes_on_what_it_cannot_open(trial: ClientTrial, connection: Connection) -> bool:
-    before, dealings = len(trial.calls()), trial.role.with_(connection)
+    before, dealings = len(trial.calls()), trial.with_(connection)
     packet = trial.role.legacy_init_packet()
     if trial.role.speaks == "1.1":
         trial.says_hello(connection)
@@ -313,7 +313,7 @@ def _kept(trial: ClientTrial, channel: Channel) -> Connection:
 
 def _stays(trial: ClientTrial, connection: Connection) -> bool:
     if trial.facts.speaks_1_1(connection.channel):
-        trial.wait(lambda: trial.role.with_(connection).hello or connection.ended)
+        trial.wait(lambda: trial.with_(connection).hello or connection.ended)
     else:
         trial.rest(SETTLE_SECONDS)
     return not connection.ended

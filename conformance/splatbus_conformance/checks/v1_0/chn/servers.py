@@ -75,7 +75,7 @@ def check_everyone_is_sent_an_init_packet(trial: ServerTrial) -> None:
         connection = trial.dial("ipc")
         _hears(trial, connection)
         trial.expect(
-            trial.viewer.with_(connection).init_packets,
+            trial.with_(connection).init_packets,
             "no-init-packet",
             f"the IPC client number {number} got no init packet",
         )
@@ -128,7 +128,7 @@ def check_serves_both_channels_at_a_time(trial: ServerTrial, first: Channel) -> 
         trial.viewer.greet(ipc)
         trial.expect(trial.is_welcomed(ipc), "no-welcome", f"no welcome on the IPC channel {what}")
         if trial.facts.init_packet is not None:
-            trial.wait(lambda: trial.viewer.with_(ipc).init_packets or ipc.ended)
+            trial.wait(lambda: trial.with_(ipc).init_packets or ipc.ended)
         trial.expect(trial.answers(msg), "no-reply", f"no further reply {what}")
     for channel, connection in connections.items():
         trial.expect(not connection.ended, "closes", f"the {channel} connection was ended {what}")
@@ -169,7 +169,7 @@ def check_further_ipc_connections_are_not_left_waiting(trial: ServerTrial) -> No
 
 def _hears(trial: ServerTrial, connection: Connection) -> bool:
     """Whether something is said on this connection in time, or it is ended."""
-    return trial.wait(lambda: trial.viewer.with_(connection).heard or connection.ended)
+    return trial.wait(lambda: trial.with_(connection).heard or connection.ended)
 
 
 TRIES = 3
@@ -351,7 +351,7 @@ def check_answers_before_the_end(trial: ServerTrial, case: tuple[bool, bool, int
     connection = trial.greeted("msg") if agreed else trial.dial("msg")
     if earlier:
         trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
-    before = len(trial.viewer.with_(connection).heard)
+    before = len(trial.with_(connection).heard)
     asked = itertools.islice(itertools.cycle(every_request(trial, connection)), count)
     connection.send(b"".join(packet(encode(each)) for each in asked))
     what = f"{count} requests and the end of the stream"
@@ -367,7 +367,7 @@ def check_answers_all_that_waits_before_the_end(trial: ServerTrial) -> None:
     stands = stalled(trial, CAMERA_REQUEST)
     trial.extent = stands.extent
     what = f"{stands.asked} requests, of which no reply was read, and the end of the stream"
-    heard = len(trial.viewer.with_(stands.connection).heard)
+    heard = len(trial.with_(stands.connection).heard)
     until = stands.moved + PATIENCE_SECONDS
     _expect_answers(trial, stands.connection, heard, stands.asked, what, until)
 
@@ -381,7 +381,7 @@ def _expect_answers(
     until: float = math.inf,
 ) -> None:
     """End the stream, and read on, which has to begin by this moment of the monotonic clock."""
-    heard = trial.viewer.with_(connection).heard
+    heard = trial.with_(connection).heard
     connection.end_stream()
     if count and trial.grows(connection, heard, before) and time.monotonic() > until:
         trial.not_observable("nothing was read for so long that the server may end it (LIM-2)")

@@ -114,11 +114,11 @@ def _judge_row(trial: ClientTrial, row: list[Writer], *, anew: bool) -> None:
     written: list[bytes] = []
     trial.role.encode["ipc"] = noting(row[0], written)
     connection = trial.greeted("ipc") if anew else trial.for_init_packet()
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     offered: dict[int, bytes] = {}
     for writer in row:
         trial.role.encode["ipc"] = noting(writer, written)
-        trial.role.offer(connection, trial.role.init_packet(connection))
+        trial.role.offer(connection)
         offered[dealings.generation] = written[-1]
     # To open late is to be busy, perhaps with a long message: no sentence limits that.
     taken = trial.opens(connection, trial.patience) and (
@@ -247,7 +247,7 @@ def of_poses(trial: ServerTrial) -> Iterator[Judge]:
             poser = trial.greeted("msg") if tags else trial.dial("msg")
         pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
         pose |= {"tag": TAGS[number % len(TAGS)]} if tags else {}
-        if "intrinsics" in trial.viewer.with_(poser).granted and trial.facts.size != (0, 0):
+        if "intrinsics" in trial.with_(poser).granted and trial.facts.size != (0, 0):
             pose |= {"intrinsics": intrinsics(*trial.facts.size)}
         payload = writer(pose)
         trial.judge(steering.takes(poser, pose, payload), f"the pose {shown(payload)}")
@@ -263,7 +263,7 @@ def _greeted(trial: ServerTrial) -> tuple[Connection, bool]:
     while True:
         connection = trial.before_hello("ipc")
         trial.viewer.greet(connection, client=PROGRAM)
-        taken, dealings = trial.is_welcomed(connection), trial.viewer.with_(connection)
+        taken, dealings = trial.is_welcomed(connection), trial.with_(connection)
         if taken and trial.facts.renders:
             trial.grows(connection, dealings.frames)
         if "too_many_clients" not in dealings.errors() or trial.peer.clock() > until:
@@ -281,7 +281,7 @@ def of_receipts(trial: ServerTrial) -> Iterator[Judge]:
         written: list[bytes] = []
         trial.viewer.encode = noting(writer, written)
         connection, taken = _greeted(trial)
-        frames = trial.viewer.with_(connection).frames
+        frames = trial.with_(connection).frames
         if taken and trial.facts.renders:
             poser.send(packet(encode(camera_pose(((trial.number + 1) % 97 / 4, 0.0, 0.0)))))
             taken = trial.wait(lambda: len(frames) > 1 or connection.ended)
@@ -414,7 +414,7 @@ def check_writes_numbers_once_it_has_images(trial: ClientTrial) -> None:
         if image is not None:
             trial.role.device_packet = image.init_packet()
         trial.connection("ipc")
-        dealings = trial.role.with_(trial.connection("msg"))
+        dealings = trial.with_(trial.connection("msg"))
         if not trial.wait(lambda: any(map(dealings.count, POSES))):
             trial.not_observable(
                 "the testee sent no pose that can be read after an init packet of 1.0"

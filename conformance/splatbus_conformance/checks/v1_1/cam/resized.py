@@ -8,7 +8,7 @@ from collections.abc import Callable
 from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST, shows
 from splatbus_conformance.trials.moves.camera_control import camera_in, camera_of
-from splatbus_conformance.trials.moves.frame_readers import fell_silent, frames_of
+from splatbus_conformance.trials.moves.frame_readers import fell_silent
 from splatbus_conformance.trials.moves.image_session import (
     answers,
     elsewhere,
@@ -29,7 +29,6 @@ from splatbus_conformance.trials.moves.resizing import (
     Size,
     asked,
     changed,
-    dealings_of,
     other_sizes,
     resizing,
     sitting,
@@ -95,7 +94,7 @@ def check_scales_a_lens_that_waited(trial: ServerTrial, size: Size) -> None:
         changed(trial, client, size, capture.reader)
         asked(trial, waiting, size)  # or the server may go back to its own when the other has gone
         client.close()
-        trial.wait(lambda: capture.new() and shows(frames_of(trial, capture.reader)[-1], camera))
+        trial.wait(lambda: capture.new() and shows(trial.with_(capture.reader).frames[-1], camera))
         frame = trial.sees(capture.reader, camera, 0.0)
         what = f"images became {size[0]}×{size[1]}, and control passed on to who had sent a lens"
         trial.expect(frame, "no-frame", f"{what} before: no frame shows its camera")
@@ -129,7 +128,7 @@ def check_no_tag_comes_again_in_another_size(
     tag = f"{TAG}, {size[0]}×{size[1]}"
     capture.take(elsewhere(trial), None, insists=False, tag=tag)  # said twice, it may come twice
     changed(trial, client, size, capture.reader)
-    frames = frames_of(trial, capture.reader)
+    frames = trial.with_(capture.reader).frames
     now = whole(capture.dealings.init_packets[-1].get("generation"))
     trial.wait(lambda: frames[-1].get("generation") == now)
     capture.take(elsewhere(trial), None)
@@ -147,7 +146,7 @@ def check_the_camera_stays_in_another_size(trial: ServerTrial, given: Sitting, s
     client, capture = given
     wanted = elsewhere(trial)
     capture.take(wanted, None)
-    frames = frames_of(trial, capture.reader)
+    frames = trial.with_(capture.reader).frames
     before, former = len(frames), frames[-1]["generation"]
     changed(trial, client, size)
     trial.wait(lambda: frames[-1]["generation"] != former)
@@ -190,7 +189,7 @@ def check_answers_behind_another_size_before_the_end(
     """
     trial.peer.close_all()
     client = trial.greeted("msg")
-    heard = dealings_of(trial, client).heard
+    heard = trial.with_(client).heard
     before = len(heard)
     request = {"type": "set_viewport", "width": size[0], "height": size[1], "id": 0}
     asked = [request, *(VIEWPORT_REQUEST | {"id": n} for n in range(1, BEHIND))]

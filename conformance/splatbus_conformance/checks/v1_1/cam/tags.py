@@ -10,7 +10,7 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import STEP
 from splatbus_conformance.trials.moves.camera_control import CameraControl
-from splatbus_conformance.trials.moves.frame_readers import LENDS, frames_of, gave_way, joined
+from splatbus_conformance.trials.moves.frame_readers import LENDS, gave_way, joined
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import finites, show, whole, within
 from splatbus_conformance.wire.messages import Json, camera_pose
@@ -65,7 +65,7 @@ class TagSession:
 
     def told(self, reader: Connection) -> list[tuple[int | None, object]]:
         """For each frame to a reader, the place of its camera, and its tag; None without one."""
-        frames = frames_of(self.trial, reader)[self._begun.get(reader, 0) :]
+        frames = self.trial.with_(reader).frames[self._begun.get(reader, 0) :]
         return [(_place(frame), within(frame, "camera", "tag")) for frame in frames]
 
     def _send(self, place: int, *, tagged: bool) -> None:
@@ -92,7 +92,7 @@ class TagSession:
         place = self.sent[-1].place if self.sent else 0
 
         def newest() -> list[Json]:
-            return [it for each in self.readers for it in frames_of(self.trial, each)[-1:]]
+            return [it for each in self.readers for it in self.trial.with_(each).frames[-1:]]
 
         def settled() -> bool:
             frames = newest()
@@ -157,7 +157,7 @@ def check_a_tag_that_was_used_comes_again(
 ) -> None:
     """Poses of different places with the same tag, each sent when the one before was shown."""
     story, tag = given
-    frames = frames_of(trial, story.steering.reader)
+    frames = trial.with_(story.steering.reader).frames
     before = len(frames)
     trial.viewer.say(story.poser, _pose(place) | {"tag": tag})
     shown = trial.wait(lambda: any(_place(it) == place for it in frames[before:]))

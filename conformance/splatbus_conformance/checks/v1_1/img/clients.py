@@ -37,7 +37,7 @@ def check_releases_each_frame_once(trial: ClientTrial, _: Place, lender: FrameLe
     the last that there is and times before and after 0; each must be released once.
     """
     connection = lender.connection
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     many = 1000 if trial.thorough else 60
     for number in range(many):
         if number in (0, many - 1):
@@ -66,7 +66,7 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
     cases = list(broken_frames(trial.role.width, trial.role.height))
     for broken in trial.each(cases, kind=lambda case: case.kind):
         connection = reading_on(trial)
-        released = trial.role.with_(connection).released
+        released = trial.with_(connection).released
         frame = broken.of(trial.next_frame(connection))
         trial.role.say(connection, frame)
         given_back = trial.releases(connection, frame["seq"])
@@ -101,7 +101,7 @@ def check_releases_frames_whose_numbers_do_not_grow(trial: ClientTrial, back: in
     that closes the connection instead gives the slot back with it.
     """
     connection = reading(trial)
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     last = trial.lend(connection)
     if not trial.releases(connection, last):
         trial.not_observable("the testee did not release a good frame")
@@ -126,12 +126,12 @@ def check_releases_frames_whose_numbers_do_not_grow(trial: ClientTrial, back: in
 def check_releases_before_it_closes(trial: ClientTrial) -> None:
     """Frames that are followed at once by the init packet of other images, several times over."""
     connection = reading(trial)
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     widths = trial.role.width, max(1, trial.role.width // 2)
     for number in range(1, 100 if trial.thorough else 12):
         former, seq = dealings.generation, trial.lend(connection)
         trial.role.width = widths[number % 2]
-        trial.role.offer(connection, trial.role.init_packet(connection))
+        trial.role.offer(connection)
         closes = trial.closes(connection, former)
         expect_alive(trial, connection, "a further init packet while a frame is lent")
         if not closes or connection.ended:
@@ -183,8 +183,8 @@ def check_ignores_frames_of_closed_memory(trial: ClientTrial) -> None:
     """Further memory is announced, and when the former is closed, a frame of that still comes."""
     for _ in range(3):
         connection = reading_on(trial)
-        former = trial.role.with_(connection).generation
-        trial.role.offer(connection, trial.role.init_packet(connection))
+        former = trial.with_(connection).generation
+        trial.role.offer(connection)
         if not (trial.closes(connection, former) or connection.ended):
             expect_alive(trial, connection, "a further init packet")
             trial.not_observable(f"the testee did not close generation {former} (OPN-5)")
@@ -209,7 +209,7 @@ def expect_alive(trial: ClientTrial, connection: Connection, what: str) -> None:
 
 def judge_bad_frame(trial: ClientTrial, connection: Connection, what: str, bad: Json) -> None:
     """Send a frame that lends nothing, then a good one, and judge what came of them."""
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     before = dealings.count("release")
     trial.role.say(connection, bad)
     good = trial.role.lend(connection)

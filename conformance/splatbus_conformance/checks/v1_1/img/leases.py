@@ -14,7 +14,6 @@ from splatbus_conformance.trials.moves.frame_readers import (
     beside,
     contents,
     following,
-    frames_of,
     holding,
     joined,
     lent,
@@ -49,7 +48,7 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
     others = [silent, first]
     with trial.viewer.holding():
         second, _ = trial.answered("ipc")
-    trial.grows(second, frames_of(trial, second))
+    trial.grows(second, trial.with_(second).frames)
     others += [] if second.ended else [second]
     reader = beside(trial, *others)
     for place in trial.each(range(20)):
@@ -68,7 +67,7 @@ def check_waits_for_no_reader(trial: ServerTrial) -> None:
 
 def held_by(trial: ServerTrial, reader: Connection) -> tuple[bytes, bytes]:
     """Colour and depth of the image that a reader holds."""
-    dealings = trial.viewer.with_(reader)
+    dealings = trial.with_(reader)
     assert dealings.held is not None
     return contents(memory_of(trial, reader), int(dealings.held["slot"]))
 
@@ -139,7 +138,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
     for kind, number in trial.each(drawn=numbers, quick=10, full=500):
         if connection.ended:
             connection, held = holding(trial)
-        frames, errors = frames_of(trial, connection), trial.viewer.with_(connection).errors()
+        frames, errors = trial.with_(connection).frames, trial.with_(connection).errors()
         wrong = dict(held)
         if kind == "twice":
             pose = trial.move()
@@ -164,7 +163,7 @@ def check_ignores_release_of_what_is_not_held(trial: ServerTrial) -> None:
         if seen is None:
             trial.judge(trial.fate() or ("closes" if connection.ended else "hangs"), told)
         else:
-            reported = len(trial.viewer.with_(connection).errors()) > len(errors)
+            reported = len(trial.with_(connection).errors()) > len(errors)
             trial.judge("reports" if reported else "ignores", told)
             held = seen
 
@@ -216,7 +215,7 @@ def check_refuses_readers_that_it_has_no_slot_for(trial: ServerTrial) -> None:
     readers: list[Connection] = []
     for number in range(MOST_READERS):
         connection, answer = trial.answered("ipc")
-        dealings = trial.viewer.with_(connection)
+        dealings = trial.with_(connection)
         if any(reader.ended for reader in readers):
             trial.not_observable("the server ends a connection in favour of a later one")
         if answer is None:
@@ -258,7 +257,7 @@ def check_does_not_release_by_broken_text(trial: ServerTrial) -> bool:
     for place in trial.each(range(len(kinds)), kind=kinds.__getitem__, spare=SPARE):
         if connection.ended:
             connection, held, pace = _taking_turns(trial)
-        frames, text = frames_of(trial, connection), broken_texts(_receipt(held))[place]
+        frames, text = trial.with_(connection).frames, broken_texts(_receipt(held))[place]
         before, pose = len(frames), trial.move()
         connection.send(packet(text.payload))
         trial.rest(GLANCE_SECONDS + 2 * pace)

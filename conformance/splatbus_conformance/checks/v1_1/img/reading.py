@@ -52,7 +52,7 @@ def check_reads_a_frame_after_its_event(trial: ClientTrial, _: Place, lender: Fr
     """
     assert trial.role.ring is not None, "a device has a ring"
     events = trial.role.ring.events
-    released = trial.role.with_(lender.connection).released
+    released = trial.with_(lender.connection).released
     for number in range(2 * trial.role.slots):
         image = coordinates(number, *lender.size)
         seq, slot = lender.announced(image)
@@ -155,7 +155,7 @@ def check_reads_where_32_bits_do_not_reach(trial: ClientTrial) -> None:
         role.memory = memory
         connection = trial.for_init_packet()
         role.lends_frames = False
-        role.offer(connection, role.init_packet(connection))
+        role.offer(connection)
         trial.require_open(connection)
         lender = FrameLender(trial, connection)
         for number in range(2 * role.slots):
@@ -222,7 +222,7 @@ def check_reads_only_what_it_subscribed_to(trial: ClientTrial, lender: FrameLend
     if "ipc" not in trial.facts.returns:
         return
     lender = FrameLender(trial)
-    heard = trial.role.with_(lender.connection).heard
+    heard = trial.with_(lender.connection).heard
     kinds = [message.get("type") for message in heard]
     wishes = [m for m in heard[: kinds.index("opened")] if m.get("type") == "subscribe"]
     shown_of(trial, lender, texts(within(wishes[-1], "channels")) if wishes else CHANNELS)
@@ -230,7 +230,7 @@ def check_reads_only_what_it_subscribed_to(trial: ClientTrial, lender: FrameLend
 
 def subscribe(trial: ClientTrial, lender: FrameLender, channel: str) -> None:
     """Have the client subscribe to one channel alone."""
-    dealings = trial.role.with_(lender.connection)
+    dealings = trial.with_(lender.connection)
     before = dealings.count("subscribe")
     trial.ask("subscribe", channels=[channel])
     if not trial.wait(lambda: dealings.count("subscribe") > before):

@@ -16,7 +16,6 @@ from splatbus_conformance.trials.moves.frame_readers import (
     beside,
     expect_shown,
     fell_silent,
-    frames_of,
     holding,
     joined,
     memory_of,
@@ -49,7 +48,7 @@ def check_lends_one_at_a_time(trial: ServerTrial) -> None:
     pause = pause_for_an_image(trial, REACTION_SECONDS)
     trial.viewer.opens = trial.viewer.releases = False
     connection = trial.greeted("ipc")
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     if not trial.grows(connection, dealings.init_packets):
         trial.not_observable("the server announced no memory")
     trial.move()
@@ -81,7 +80,7 @@ def check_lends_nothing_after_closed(trial: ServerTrial, answer: str) -> None:
     """
     holder, held = holding(trial)
     other = beside(trial, holder)
-    frames = frames_of(trial, holder)
+    frames = trial.with_(holder).frames
     before = len(frames)
     trial.viewer.say(holder, says_of(held["generation"], answer))
     for _ in range(3):
@@ -101,7 +100,7 @@ def check_sends_no_frames_that_were_not_agreed(trial: ServerTrial) -> None:
         trial.move()
         trial.rest(REACTION_SECONDS / 3)
     trial.rest(pause)
-    frames = frames_of(trial, connection)
+    frames = trial.with_(connection).frames
     trial.expect(
         not frames, "not-granted", f"{len(frames)} frames came, although welcome lists no frames"
     )
@@ -115,7 +114,7 @@ def check_announces_the_newest(trial: ServerTrial) -> None:
     """One reader holds a frame while another is shown newer images; then it releases."""
     holder, held = holding(trial)
     watcher = beside(trial, holder)
-    frames = frames_of(trial, holder)
+    frames = trial.with_(holder).frames
     for moves in trial.each(drawn=st.lists(st.booleans(), min_size=1), quick=8, full=200):
         for waits in moves:
             pose = trial.move()
@@ -145,7 +144,7 @@ def check_records_the_event_before_the_frame(trial: ServerTrial) -> bool:
     with trial.relaunched(**SLOW_RECORDS):
         connection = trial.reading()
         shown = announced(trial, connection)
-        frames = trial.viewer.with_(connection).frames
+        frames = trial.with_(connection).frames
         for _ in trial.each(range(100 if trial.thorough else 20)):
             before = len(frames)
             trial.move()
@@ -172,7 +171,7 @@ def check_records_the_event_before_the_frame(trial: ServerTrial) -> bool:
 def check_publishes_what_changed_only(trial: ServerTrial) -> None:
     """Nothing moves; then the pose that holds is sent again and again, spelled otherwise too."""
     connection = trial.reading()
-    frames = frames_of(trial, connection)
+    frames = trial.with_(connection).frames
     pose, began = trial.move(), trial.peer.clock()
     trial.expect(trial.sees(connection, pose), "no-frame", "a pose gave no new image")
     pace = trial.peer.clock() - began
@@ -202,7 +201,7 @@ def check_publishes_what_changed_only(trial: ServerTrial) -> None:
 def check_publishes_nothing_for_what_changes_nothing(trial: ServerTrial) -> None:
     """Nothing moves; then come poses that are refused, and the time and the objects as they are."""
     client, connection = trial.commanding(), trial.reading()
-    frames = frames_of(trial, connection)
+    frames = trial.with_(connection).frames
     pose = camera_pose((0.0625, 0.125, -1.0), (0.0, 0.6, 0.0, 0.8))
     at_rest = camera_pose(kind="point_cloud_pose")
     same: list[Json] = [at_rest]
@@ -277,7 +276,7 @@ def check_sends_what_is_new(trial: ServerTrial) -> None:
     connection = trial.reading()
     for script in trial.each(drawn=moments, quick=8, full=300):
         for moment in script:
-            dealings = trial.viewer.with_(connection)
+            dealings = trial.with_(connection)
             if moment == "holding":
                 held = pinning(trial, connection)
                 trial.expect(
@@ -336,7 +335,7 @@ def check_shows_it_beside_who_reads_both(
 
 def expect_depth(trial: ServerTrial, connection: Connection, how: str) -> None:
     """The frames that are owed to a reader that comes to want depth."""
-    frames = frames_of(trial, connection)
+    frames = trial.with_(connection).frames
     some = {"type": "subscribe", "channels": ["color"]}
     if how != AGAIN:
         trial.viewer.say(connection, some)
@@ -351,7 +350,7 @@ def expect_depth(trial: ServerTrial, connection: Connection, how: str) -> None:
         trial.viewer.say(connection, some)
     trial.viewer.say(connection, {"type": "subscribe", "channels": ["color", "depth"]})
     if held is not None:
-        trial.viewer.with_(connection).holds = False
+        trial.with_(connection).holds = False
         trial.viewer.release(connection, held)
     came = trial.grows(connection, frames, before + owed - 1, owed * FRAME_SECONDS)
     trial.expect(

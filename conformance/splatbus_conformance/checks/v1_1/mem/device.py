@@ -16,7 +16,7 @@ def check_announces_device_memory_that_is_there(trial: ServerTrial, _: int) -> b
     each slot are opened, for several readers at a time.
     """
     connection = trial.greeted("ipc")
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     trial.wait(lambda: dealings.memory or dealings.refusal or connection.ended)
     refusal = dealings.refusal
     if refusal and not trial.testee.expendable:

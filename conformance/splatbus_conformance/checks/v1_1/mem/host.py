@@ -164,10 +164,10 @@ def check_refuses_generations_that_do_not_grow(trial: ClientTrial) -> None:
     trial.judge(outcome, "the first init packet with generation 0 (MEM-1)")
     for back in (0, 1):
         connection = trial.for_init_packet()
-        while len(trial.role.with_(connection).opened) < 2:
-            trial.role.offer(connection, trial.role.init_packet(connection))
+        while len(trial.with_(connection).opened) < 2:
+            trial.role.offer(connection)
             trial.require_open(connection)
-        *_, former, newest = trial.role.with_(connection).generations
+        *_, former, newest = trial.with_(connection).generations
         trial.closes(connection, former, REACTION_SECONDS)
         again = (newest, former)[back]
         stale = packet(encode(good | {"generation": again}))
@@ -221,7 +221,7 @@ def shown(trial: ServerTrial, connection: Connection) -> Opened:
 def check_speaks_the_version_that_it_announces(trial: ServerTrial) -> None:
     """Says hello anew, with the version of the init packet before 1.1."""
     connection = trial.ready("ipc")
-    told = trial.viewer.with_(connection).init_packets
+    told = trial.with_(connection).init_packets
     connection.close()
     announced = told[-1].get("version") if told else None
     if not isinstance(announced, str):

@@ -30,7 +30,6 @@ from splatbus_conformance.trials.moves.agreement import (
     judge_agreement,
     named,
     offered,
-    outcome_of,
     refused,
     unwelcome,
 )
@@ -38,7 +37,7 @@ from splatbus_conformance.trials.moves.exchanges.asking import asking, requests
 from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
 from splatbus_conformance.trials.moves.frame_readers import joined
 from splatbus_conformance.trials.moves.image_session import errors_after
-from splatbus_conformance.trials.moves.listening import declared, heard, listen
+from splatbus_conformance.trials.moves.listening import heard, listen
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.testee.server_probe import DEFAULT
 from splatbus_conformance.trials.trial import REACTION_SECONDS
@@ -75,18 +74,18 @@ CLIENTS = tuple(
 @check("NEG-4", on={CLIENT: ("hello:ipc",)})
 def check_can_do_what_it_declares(trial: ClientTrial) -> None:
     """Uses each capability that the testee declares, as far as this machine can."""
-    capabilities = declared(trial, "ipc")
+    capabilities = trial.facts.capabilities()
     if "host_shm" not in capabilities:
         trial.not_observable("the testee does not declare host_shm; its memory is not of this host")
     connection = trial.greeted("ipc")
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     trial.expect(trial.opens(connection), "not-opened", "host_shm: the memory was not opened")
     if "frames" in capabilities:
         released = trial.wait(lambda: dealings.released)
         trial.expect(released, "not-released", "frames: no frame was released")
     if "reinit" in capabilities:
         former = dealings.generation
-        trial.role.offer(connection, trial.role.init_packet(connection))
+        trial.role.offer(connection)
         told = "reinit: the first generation was not closed for the second"
         trial.expect(trial.closes(connection, former), "not-closed", told)
 
@@ -103,11 +102,11 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> bool:
     for channel, connection in connections.items():
         early = heard(trial, connection) - {"hello"}
         if channel == "msg":
-            early = set().union(*map(newer, trial.role.with_(connection).heard))
+            early = set().union(*map(newer, trial.with_(connection).heard))
         told = f"it sent {listing(early)} before welcome"
         trial.expect(not early, "before-welcome", told)
     connection = connections["ipc"]
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     trial.role.welcome(connection, capabilities=["host_shm"])
     answered = trial.wait(lambda: dealings.opened | dealings.failed)
     listen(trial, connection)
@@ -120,7 +119,9 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> bool:
 @check(
     "NEG-5",
     on={CLIENT: ("hello:msg", "returns:msg")},
-    cases=lambda trial: Cases([[], *([it] for it in declared(trial, "msg") if it in ON_MSG)]),
+    cases=lambda trial: Cases(
+        [[], *([it] for it in trial.facts.capabilities("msg") if it in ON_MSG)]
+    ),
 )
 def check_sends_only_what_was_granted_on_the_message_channel(
     trial: ClientTrial, granted: list[str]
@@ -130,7 +131,7 @@ def check_sends_only_what_was_granted_on_the_message_channel(
     said = len(connection.messages)
     trial.role.welcome(connection, capabilities=granted)
     listen(trial, connection)
-    for message in trial.role.with_(connection).heard:
+    for message in trial.with_(connection).heard:
         needed = NEEDS.get(str(message.get("type")))
         needed = "intrinsics" if "intrinsics" in newer(message) else needed
         what = f"it sent {message.get('type')}, which needs {needed}, after a welcome that"
@@ -192,7 +193,7 @@ def granted(trial: ServerTrial, channel: Channel, offer: Sequence[str]) -> set[s
     what = f"{channel}: a hello that offers {shorten(listing(offer))}"
     trial.expect(within(answer, "type") == "welcome", "no-welcome", f"{what} got no welcome")
     connection.close()
-    return set(trial.viewer.with_(connection).granted)
+    return set(trial.with_(connection).granted)
 
 
 def offers(trial: ServerTrial, channel: Channel, has: set[str]) -> Cases:
@@ -227,7 +228,7 @@ def check_has_what_it_grants(trial: ServerTrial) -> bool:
     """
     client = trial.commanding()
     messages = _belonging(trial)
-    names = [it for it in trial.viewer.with_(client).granted if it in messages]
+    names = [it for it in trial.with_(client).granted if it in messages]
     for name in trial.each(names):
         reported, answered = errors_after(trial, client, encode(messages[name]))
         told = f"it grants {name}, and after {show(messages[name])} came no reply"
@@ -241,7 +242,7 @@ def check_has_what_it_grants(trial: ServerTrial) -> bool:
     reader = trial.reading()
     script = packet(encode({"type": "subscribe", "channels": ["color", "depth"]}))
     outcome = trial.outcome_on_ipc(reader, script)
-    denied = DENIALS & set(trial.viewer.with_(reader).errors())
+    denied = DENIALS & set(trial.with_(reader).errors())
     trial.expect(not denied, "denied", f"it grants subscribe, and says {listing(denied)} of that")
     told = f"it grants subscribe, and of that it {outcome}"
     trial.expect(outcome == "ignores", "not-ignored", told)
@@ -347,7 +348,7 @@ def of_strange_types(trial: Trial, channel: Channel) -> Cases:
 )
 def check_ignores_unknown_types(trial: Trial, channel: Channel, message: Json) -> None:
     """They come after `hello` and `welcome`, and to a client between init packets, too."""
-    outcome = outcome_of(trial, agreeing(trial, channel), packet(encode(message)))
+    outcome = trial.outcome(agreeing(trial, channel), packet(encode(message)))
     kind = shorten(repr(message["type"]))
     trial.judge(outcome, f"a message of type {kind} on the {WORDS[channel]} channel")
 
@@ -399,7 +400,7 @@ def check_refuses_unknown_versions(
     """Lists of versions that nobody speaks yet; the error lists what the server speaks."""
     what = f"{channel}: a hello that lists {', '.join(versions)[:60]}"
     connection = refused(trial, channel, "unsupported_version", what, versions=versions)
-    listed = strings(within(trial.viewer.with_(connection).answer, "supported")) or []
+    listed = strings(within(trial.with_(connection).answer, "supported")) or []
     trial.expect(listed, "no-versions", f"{what} was not told what is supported")
     unlisted = {*speaks} - {*listed}
     told = f"{what} was not told of {listing(unlisted)}, which it speaks"
@@ -438,7 +439,7 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial, channel: Channel) -
     what = f"{channel}: a hello that lists 1.0 was answered by {show(answer)}"
     trial.expect(within(answer, "type") == "welcome", "no-welcome", what)
     trial.expect(within(answer, "capabilities") == [], "other-capabilities", what)
-    heard = trial.viewer.with_(connection).heard
+    heard = trial.with_(connection).heard
     if channel == "msg":
         if not trial.facts.alone["msg"]:
             trial.move()  # another client has control, once it is answered
@@ -477,9 +478,9 @@ def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> bool:
         f"after a hello that lists {listing(others)}": trial.greeted("ipc", capabilities=others),
     }
     trial.rest(REACTION_SECONDS)
-    told = trial.viewer.with_(trial.ready("ipc")).init_packets  # it has had the time for it
+    told = trial.with_(trial.ready("ipc")).init_packets  # it has had the time for it
     for moment, connection in waiting.items():
-        packets = trial.viewer.with_(connection).init_packets
+        packets = trial.with_(connection).init_packets
         trial.expect(not packets, "unwanted-init-packet", f"an init packet {moment}")
     trial.judge("waits", "connections that cannot open memory of the host")
     return bool(told)
@@ -488,12 +489,12 @@ def check_waits_for_who_can_open_its_memory(trial: ServerTrial) -> bool:
 @check("NEG-15", on={SERVER: ("1.1",)})
 def check_sends_cuda_memory_at_once(trial: ServerTrial) -> None:
     """A connection on which nothing is said, to a server that announces CUDA memory."""
-    greeted = trial.viewer.with_(trial.greeted("ipc", capabilities=list(ON_IPC)))
+    greeted = trial.with_(trial.greeted("ipc", capabilities=list(ON_IPC)))
     trial.wait(lambda: greeted.init_packets)
     announced = [*greeted.init_packets, trial.facts.init_packet][0]
     if not (trial.facts.at_once or within(announced, "memory", "kind") == "cuda_ipc"):
         trial.not_observable("the server announces no CUDA memory")
-    silent = trial.viewer.with_(trial.before_hello("ipc"))
+    silent = trial.with_(trial.before_hello("ipc"))
     trial.wait(lambda: silent.heard)
     trial.expect(silent.init_packets, "no-init-packet", "no init packet came before hello")
     trial.expect("version" in silent.heard[0], "no-version", "its init packet names no version")

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from splatbus_conformance.checks import CLIENT, CLIENT_IPC, CLIENT_MSG, Cases, check
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.moves.exchanges.reading import answer_all
-from splatbus_conformance.trials.moves.listening import declared, heard, listen
+from splatbus_conformance.trials.moves.listening import heard, listen
 from splatbus_conformance.wire.message_kinds import newer
 from splatbus_conformance.wire.messages import welcome
 from splatbus_conformance.wire.recording import WORDS, Channel
@@ -29,7 +29,7 @@ def fall_back(trial: ClientTrial, channel: Channel) -> Fallen:
         return Fallen(trial.connection(channel), 0)
     trial.role.has_image = False  # who waits for images asks on (REQ-12)
     connection = trial.connection(channel)
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     if not trial.wait(lambda: dealings.count("get_viewport_size")):
         trial.not_observable("the testee does not ask for the size after hello")
     listen(trial, connection)
@@ -42,7 +42,7 @@ def fall_back(trial: ClientTrial, channel: Channel) -> Fallen:
 def beyond_1_0(trial: ClientTrial, fallen: Fallen) -> list[str]:
     """Listen to the testee; the types of what it has said that 1.0 does not know there."""
     connection, before = fallen
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     if connection.channel == "ipc":
         listen(trial, connection)
         return sorted(heard(trial, connection) - {"hello"})
@@ -103,9 +103,9 @@ def check_ignores_a_late_welcome(trial: ClientTrial, channel: Channel, version: 
         trial.not_observable(f"the testee said no hello on the {WORDS[channel]} channel")
     if beyond_1_0(trial, fallen) or connection.ended:
         trial.not_observable("the testee does not go on with a 1.0 server")
-    trial.role.say(connection, welcome(channel, declared(trial, channel), version))
+    trial.role.say(connection, welcome(channel, trial.facts.capabilities(channel), version))
     if channel == "ipc":
-        trial.role.offer(connection, trial.role.init_packet(connection))
+        trial.role.offer(connection)
     more = ", ".join(beyond_1_0(trial, fallen))
     what = f"a late welcome to {version!r} on the {WORDS[channel]} channel"
     trial.expect(not more, "newer-version", f"it sent {more} after {what}")
@@ -120,11 +120,11 @@ def check_asks_for_the_size_after_hello(trial: ClientTrial) -> None:
     """A server that says nothing to `hello` is listened to by a testee that declares capabilities
     of the message channel.
     """
-    if not declared(trial, "msg"):
+    if not trial.facts.capabilities("msg"):
         trial.not_observable("the testee wants no more than 1.0 defines, by what it declares")
     trial.role.speaks, trial.role.replies = "1.0", False
     connection = trial.connection("msg")
-    dealings = trial.role.with_(connection)
+    dealings = trial.with_(connection)
     if not trial.says_hello(connection):
         trial.not_observable("the testee said no hello on the message channel")
     asked = trial.wait(lambda: dealings.count("get_viewport_size") or connection.ended)

@@ -20,7 +20,7 @@ from splatbus_conformance.checks import (
 )
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
-from splatbus_conformance.trials.moves.agreement import agreeing, outcome_of
+from splatbus_conformance.trials.moves.agreement import agreeing
 from splatbus_conformance.trials.moves.control import controlling
 from splatbus_conformance.trials.moves.exchanges.asking import asking
 from splatbus_conformance.trials.moves.exchanges.exchange import STRANGER
@@ -98,7 +98,7 @@ def check_reports_nothing_before_hello(trial: ServerTrial, channel: Channel) -> 
     del scripts["a second hello"]
     for what, script in trial.each(list(scripts.items())):
         connection = trial.before_hello(channel)
-        dealings = trial.viewer.with_(connection)
+        dealings = trial.with_(connection)
         connection.send(script)
         if trial.facts.welcome[channel] is not None:  # its answer to hello comes after all else
             trial.viewer.greet(connection, capabilities=[])
@@ -159,7 +159,7 @@ def check_survives_errors(trial: ClientTrial, channel: Channel, code: str) -> No
         members = {"id": LIMITS["max_safe_integer"]} if channel == "msg" else {}
         message = error(code, message=text, pointer=pointer, **members)
         spelled = spell(message, Random(f"{code} {trial.seed}")).encode()
-        outcome = outcome_of(trial, connection, packet(spelled))
+        outcome = trial.outcome(connection, packet(spelled))
     trial.judge(outcome, f"an error {code} on the {WORDS[channel]} channel")
 
 
@@ -182,7 +182,7 @@ def check_closes_after_an_error_that_ends(trial: ServerTrial, channel: Channel) 
 
     def judge(connection: Connection, what: str) -> None:
         nonlocal errors
-        dealings = trial.viewer.with_(connection)
+        dealings = trial.with_(connection)
         trial.wait(lambda: dealings.errors() or connection.ended)
         codes = [code for code in dealings.errors() if code in CLOSING_ERRORS]
         if codes:
@@ -207,7 +207,7 @@ def check_ends_in_good_order(trial: ServerTrial) -> None:
     lingering: list[Connection] = []
     for channel in trial.each(CHANNELS):
         connection = trial.before_hello(channel)
-        dealings = trial.viewer.with_(connection)
+        dealings = trial.with_(connection)
         wrong = hello(trial.viewer.capabilities[channel], trial.viewer.token)
         connection.send(packet(encode(wrong | {"versions": ["4000.0"]})) + AFTERWARDS)
         trial.ends(connection)
@@ -255,7 +255,7 @@ def check_goes_on_after_an_error(trial: ServerTrial, channel: Channel) -> bool:
             trial.move()
         connection = trial.ready(channel)
         outcome = trial.outcome(connection, script)
-        codes = [it for it in trial.viewer.with_(connection).errors() if it in OTHER_ERRORS]
+        codes = [it for it in trial.with_(connection).errors() if it in OTHER_ERRORS]
         told = f"{channel}: {what}: {len(codes)} errors, {', '.join(dict.fromkeys(codes))}"
         trial.expect(
             outcome in ("ignores", "reports", "replies") or not codes,
@@ -275,7 +275,7 @@ def check_goes_on_after_an_error(trial: ServerTrial, channel: Channel) -> bool:
 def check_reports_what_is_no_rotation(trial: ServerTrial, broken: BrokenPose) -> None:
     """Poses whose quaternions have norms from 0 to 1e200, and none within 0.01 of 1."""
     connection = agreeing(trial, "msg")
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     before = len(dealings.errors())
     outcome = trial.outcome(connection, packet(broken.payload))
     outcome = "ignores" if outcome == "reports" else outcome  # something else than it should
@@ -363,7 +363,7 @@ def check_says_what_is_wrong_with_a_length(
     length, code = case
     connection = trial.greeted(channel)
     connection.send(length.to_bytes(4, "little"))
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     trial.wait(lambda: dealings.errors() or connection.ended)
     for told in dealings.errors():
         what = f"{channel}: a length of {length} was answered by {show(told)}"
@@ -380,7 +380,7 @@ def check_answers_no_further_hello(
     upon goes on.
     """
     connection = trial.ready(channel)
-    dealings = trial.viewer.with_(connection)
+    dealings = trial.with_(connection)
     before = len(dealings.heard)
     message = hello([], trial.viewer.token) | {"versions": versions}
     outcome = trial.outcome(connection, packet(encode(message)))

@@ -9,12 +9,13 @@ from splatbus_schemas import LIMITS
 from splatbus_conformance.checks import SERVER, Cases, check
 from splatbus_conformance.trials.controls import CAMERA_REQUEST, VIEWPORT_REQUEST
 from splatbus_conformance.trials.moves.agreement import CHARACTERS, refused
-from splatbus_conformance.trials.moves.reachable import accepts, addresses, is_loopback
+from splatbus_conformance.trials.moves.reachable import accepts, addresses
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.json_values import show, within
 from splatbus_conformance.wire.messages import Json, camera_pose, encode
 from splatbus_conformance.wire.packets import packet
+from splatbus_conformance.wire.places import is_loopback
 from splatbus_conformance.wire.sockets import CHANNELS
 
 ON_ANY = {SERVER: ("1.1",)}

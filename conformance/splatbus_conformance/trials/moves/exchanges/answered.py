@@ -8,7 +8,7 @@ from splatbus_conformance.wire.sockets import Connection
 
 def every_request(trial: ServerTrial, connection: Connection) -> list[Json]:
     """A good request of each kind that this connection may send."""
-    granted = trial.viewer.with_(connection).granted
+    granted = trial.with_(connection).granted
     width, height = trial.facts.size
     by_capability: dict[str, Json] = {
         "scene": {"type": "get_scene"},

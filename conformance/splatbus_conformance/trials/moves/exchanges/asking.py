@@ -10,7 +10,7 @@ from splatbus_conformance.wire.sockets import Connection
 
 def requests(trial: ClientTrial, connection: Connection) -> list[Json]:
     """The requests that the testee has made on this connection, in order."""
-    heard = trial.role.with_(connection).heard
+    heard = trial.with_(connection).heard
     return [message for message in heard if message.get("type") in REQUESTS]
 
 

@@ -14,6 +14,7 @@ from splatbus_conformance.trials.moves.exchanges.unheard import (
     outcome_at_the_end,
     silent_connection,
 )
+from splatbus_conformance.trials.moves.memory_offers import announce
 from splatbus_conformance.trials.trial import REACTION_SECONDS
 from splatbus_conformance.wire.messages import Json, encode, init_packet_1_0
 from splatbus_conformance.wire.packets import packet
@@ -164,6 +165,5 @@ def for_broken_packet(trial: ClientTrial, number: int) -> Connection:
 def offer(trial: ClientTrial, init_packet: Json) -> tuple[bool, int]:
     """Offer memory in an init packet, its generation aside; whether it was opened, and which."""
     connection = trial.for_init_packet()
-    generation = trial.role.init_packet(connection)["generation"]
-    connection.send(packet(encode(init_packet | {"generation": generation})))
+    generation = announce(trial, connection, init_packet)
     return trial.opens(connection), generation

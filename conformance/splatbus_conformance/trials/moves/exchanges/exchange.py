@@ -77,7 +77,7 @@ def _init_packet(trial: ClientTrial, later: bool) -> Exchange | None:
         legacy = [trial.role.legacy_init_packet()]
         return Exchange(silent, legacy, lambda: outcome_at_the_end(trial, silent) == "lives")
     connection = _with_open_memory(trial) if later else trial.for_init_packet()
-    granted = trial.role.with_(connection).granted
+    granted = trial.with_(connection).granted
     if later and "frames" in granted:
         frame = trial.next_frame(connection)
         return Exchange(connection, [frame], lambda: trial.releases(connection, frame["seq"]))
@@ -88,12 +88,11 @@ def _init_packet(trial: ClientTrial, later: bool) -> Exchange | None:
 
 
 def _with_open_memory(trial: ClientTrial) -> Connection:
-    for connection in reversed(trial.peer.connections):
-        dealings = trial.role.with_(connection)
-        if not connection.gone and dealings.generation in dealings.opened:
-            return connection
+    newest = trial.peer.newest("ipc", lambda it: not it.gone and trial.with_(it).has_opened)
+    if newest is not None:
+        return newest
     connection = trial.for_init_packet()
-    trial.role.offer(connection, trial.role.init_packet(connection))
+    trial.role.offer(connection)
     trial.require_open(connection)
     return connection
 
@@ -183,8 +182,7 @@ def require_refusal(trial: ClientTrial) -> None:
 
 def in_use(trial: ServerTrial) -> Connection:
     """The newest message connection, if it is there still; else another."""
-    there = (it for it in reversed(trial.peer.connections) if it.channel == "msg" and not it.gone)
-    return next(there, None) or trial.dial("msg")
+    return trial.peer.newest("msg", lambda it: not it.gone) or trial.dial("msg")
 
 
 def _requests(trial: ServerTrial, later: bool) -> Exchange:
@@ -203,10 +201,11 @@ def _requests(trial: ServerTrial, later: bool) -> Exchange:
 
 def _served(trial: ServerTrial) -> Connection:
     """A connection on which requests were answered, of 1.1 where the server speaks that."""
-    for connection in reversed(trial.peer.connections):
-        on_it = connection.channel == "msg" and not connection.gone
-        if on_it and 0 < len(trial.replies(connection)) < MANY_REPLIES:
-            return connection
+    newest = trial.peer.newest(
+        "msg", lambda it: not it.gone and 0 < len(trial.replies(it)) < MANY_REPLIES
+    )
+    if newest is not None:
+        return newest
     connection = trial.greeted("msg") if trial.facts.welcome["msg"] else trial.dial("msg")
     trial.expect(trial.answers(connection), "no-reply", "no reply on the message channel")
     return connection

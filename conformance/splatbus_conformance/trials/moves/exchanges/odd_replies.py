@@ -61,7 +61,7 @@ class OddReplies:
         self.waiting = []
 
     def _on_message(self, connection: Connection, arrived: Message) -> None:
-        heard = self._trial.role.with_(connection).heard
+        heard = self._trial.with_(connection).heard
         before = len(heard)
         self._on_former_packet(connection, arrived)
         for message in heard[before:]:

@@ -10,8 +10,8 @@ def silent_connection(trial: ClientTrial) -> Connection:
     if trial.facts.speaks_1_1("ipc"):
         trial.not_observable("the testee speaks on the IPC channel: another check sees more")
     trial.role.offers_memory = False
-    newest = next((it for it in reversed(trial.peer.connections) if it.channel == "ipc"), None)
-    if newest and newest.open and not newest.ended and not newest.sent:
+    newest = trial.peer.newest("ipc", lambda it: True)
+    if newest and not newest.gone and not newest.sent:
         return newest
     return trial.connection("ipc")
 
