@@ -209,7 +209,7 @@ def test_a_group_that_is_condemned_is_judged_one_by_one(monkeypatch, alone):
     (group, *_) = groups()
     fates = dict.fromkeys(group.members, Fate.ALLOWED)
     fates |= {group.name: Fate.CONDEMNED, group.members[0]: alone}
-    judging = lambda it, profile: SpecimenResult(it, fates[it.name])  # noqa: E731
+    judging = lambda it, profile, requirement: SpecimenResult(it, fates[it.name])  # noqa: E731
     monkeypatch.setattr(schedule, "judge", judging)
     rows = schedule.judge_all([group.name], "brief", "", lambda row: None)
     bad = [it.name for it in rows if it.fate is Fate.CONDEMNED]

@@ -12,7 +12,6 @@ from tests.zoo.faults.driver import calls, without
 from tests.zoo.faults.seams import server
 from tests.zoo.mutant import mutant
 from tests.zoo.mutants.v1_0.cnv.servers import server_puts_the_scene_elsewhere_at_first
-from tests.zoo.mutants.v1_0.jsn.servers import server_turns_nothing_by_strings
 from tests.zoo.mutants.v1_0.pos import servers as poses
 from tests.zoo.mutants.v1_1.mem.servers import announces
 from tests.zoo.variations.server_unhurried import drawing, showing
@@ -210,12 +209,6 @@ def server_announces_more_memory_than_there_is(patch):
 def server_puts_the_scene_elsewhere_on_a_device(patch):
     """Begins with Gaussians that were moved."""
     server_puts_the_scene_elsewhere_at_first(patch)
-
-
-@mutant("JSN-11", check="check_takes_strings_for_numbers_or_not_in_device_memory", code="applies")
-def server_turns_nothing_by_strings_on_a_device(patch):
-    """Takes strings for the numbers of a position, and not for those of a rotation."""
-    server_turns_nothing_by_strings.specimens[0].alter(patch)
 
 
 def of_another_scene(patch):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from splatbus_renderer import demo
 from splatbus_renderer.scene import IDENTITY, ObjectPose, multiply, rotate, transpose
-from splatbus_server import api
+from splatbus_server import session
 from splatbus_server.control import Poses
 from splatbus_wire.messages import CameraPose, Placement
 from splatbus_wire.poses import Pose
@@ -305,4 +305,6 @@ def server_puts_the_scene_elsewhere_at_first(patch):
     """Begins with the Gaussians moved to the left, as its author likes them."""
     moved = Pose((-0.25, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     there = {"default": Placement("default", moved)}
-    Seam(api, "Poses").replace(patch, lambda camera, objects: Poses(camera, {**objects, **there}))
+    Seam(session, "Poses").replace(
+        patch, lambda camera, objects: Poses(camera, {**objects, **there})
+    )

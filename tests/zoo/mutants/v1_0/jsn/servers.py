@@ -217,6 +217,7 @@ def server_reports_unknown_members(original, payload, *arguments, **named):
     check="check_takes_strings_for_numbers_or_not",
     code="applies",
     at=wire.POSE_OF_1_0,
+    in_device_memory=True,
 )
 def server_turns_nothing_by_strings(original, message, **named):
     """Takes strings for the numbers of a position, and not for those of a rotation."""
