@@ -21,7 +21,7 @@ handles = Session.handle
 
 def handle(self, connection, message, now):
     if type(message).__name__ in {hardens_by!r}:
-        self._most_readers = 1
+        self.exchange.memory.ring.clients = 1
     return handles(self, connection, message, now)
 
 
