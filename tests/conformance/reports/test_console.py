@@ -22,7 +22,6 @@ RAW = {
     "observe/relay_process.py": "it speaks to the process that shows it, in lines that are clean",
     "oracle/vectors/__main__.py": "it names a file of this project",
     "images/memory/cuda_stand_in/__main__.py": "a shell reads it",
-    "__main__.py": "it says what is not installed",
     "minimal_client.py": "it is a client, which needs nothing of ours",
 }
 """What writes to a stream by itself, and why it may."""
