@@ -58,10 +58,10 @@ def server_is_busy_again_for_the_rest(original, self, connection):
 @mutant("CTL-3", check=ENDS, code="intrinsics-kept", at=server.PASSES_CONTROL_ON)
 def server_keeps_the_lens_of_who_left(original, self, connection):
     """Leaves intrinsics in force when the client that set them has gone."""
-    lens, had_control = self.poses.intrinsics, original(self, connection)
+    lens = self.poses.intrinsics
+    original(self, connection)
     if self.poses.intrinsics is None:
         self.poses = self.poses._replace(intrinsics=lens)
-    return had_control
 
 
 @mutant("CTL-3", check=ENDS, code="intrinsics-kept")
@@ -70,10 +70,10 @@ def server_keeps_the_lens_until_the_next_camera(patch):
 
     def leave(original, self, connection):
         lens, serial = self.poses.intrinsics, self.poses.serial
-        had_control = original(self, connection)
+        had_control = self.holder is connection
+        original(self, connection)
         if had_control and self.poses.serial == serial:
             self.poses = self.poses._replace(intrinsics=lens)
-        return had_control
 
     def move(original, self, connection, message):
         lent = isinstance(message, CameraPose) and message.intrinsics is None
@@ -138,17 +138,17 @@ def server_counts_refused_poses(patch):
 @mutant("CTL-5", check=PASSES, code="another-camera", at=server.PASSES_CONTROL_ON)
 def server_waits_for_the_next_pose(original, self, connection):
     """Passes control on, and applies what the next client sends from then on."""
-    before, had_control = self.poses, original(self, connection)
+    before = self.poses
+    original(self, connection)
     self.poses = before._replace(intrinsics=None, time=None)
-    return had_control
 
 
 @mutant("CTL-5", check=PASSES, code="another-placement", at=server.PASSES_CONTROL_ON)
 def server_passes_on_the_camera_alone(original, self, connection):
     """Leaves objects where they are when control passes to a client that has placed them."""
-    objects, had_control = self.poses.objects, original(self, connection)
+    objects = self.poses.objects
+    original(self, connection)
     self.poses = self.poses._replace(objects=objects)
-    return had_control
 
 
 @mutant("CTL-5", check=PASSES, code="another-camera", at=server.OBEYS)
@@ -173,10 +173,10 @@ def leaves(patch, **changes):
     """Change what is in force when control has passed on."""
 
     def leave(original, self, connection):
-        had_control = original(self, connection)
+        had_control = self.holder is connection
+        original(self, connection)
         if had_control and self.sent:
             self.poses = self.poses._replace(**changes)
-        return had_control
 
     server.PASSES_CONTROL_ON.wrap(patch, leave)
 
