@@ -28,13 +28,23 @@ MAKERS = (
 
 def main() -> int:
     """The status of the first that fails, or 0."""
+    before = contents()
     for maker in MAKERS:
-        if status := subprocess.run((sys.executable, "-m", *maker), cwd=ROOT).returncode:
+        command = (sys.executable, "-m", *maker)
+        if status := subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL).returncode:
             return status
     kill_matrix.PAGE.write_text(kill_matrix.as_declared(), "utf-8")
-    written = ("git", "status", "--short", "--untracked-files=no")
-    print(subprocess.run(written, cwd=ROOT, capture_output=True, text=True).stdout, end="")
+    written = [name for name, held in contents().items() if before.get(name) != held]
+    for name in written:
+        print(f"renewed {name}")
     return 0
+
+
+def contents() -> dict[str, bytes]:
+    """What each file of the project holds."""
+    listed = subprocess.run(("git", "ls-files"), cwd=ROOT, capture_output=True, text=True)
+    paths = [ROOT / name for name in listed.stdout.splitlines()]
+    return {str(it.relative_to(ROOT)): it.read_bytes() for it in paths if it.is_file()}
 
 
 if __name__ == "__main__":

@@ -29,7 +29,9 @@ def as_declared() -> str:
     """The page, if what becomes of each specimen is what was declared of it."""
     return markdown(
         [
-            SpecimenResult(it, RIGHT[it.kind], tuple(Cell(id, "", "warn", "") for id in it.warns))
+            SpecimenResult(
+                it, RIGHT[it.kind], tuple(Cell(each, "", "warn", "") for each in it.warns)
+            )
             for it in specimens()
             if not it.members
         ]

@@ -194,13 +194,16 @@ class ClientTrial(ReturningTrial):
 
     def next_frame(self, connection: Connection) -> Json:
         """The `frame` that lends the next image, once none is lent any more [IMG-2]."""
-        self.uses(lambda: not self.with_(connection).lends or connection.ended)
+        self._takes_back(connection)
         return self.role.next_frame(connection)
 
     def lend(self, connection: Connection, **changes: object) -> int:
         """Send it, with members changed as named; its `seq`."""
-        self.uses(lambda: not self.with_(connection).lends or connection.ended)
+        self._takes_back(connection)
         return self.role.lend(connection, **changes)
+
+    def _takes_back(self, connection: Connection) -> None:
+        self.uses(lambda: not self.with_(connection).lends or connection.ended)
 
     def releases(self, connection: Connection, seq: int, seconds: float = EFFECT_SECONDS) -> bool:
         """Whether the testee releases this frame."""

@@ -12,7 +12,7 @@ from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.scripted_server import ScriptedServer
 from splatbus_conformance.trials.testee import os_evidence, probe_advice
 from splatbus_conformance.trials.testee.adapter import Greeting
-from splatbus_conformance.trials.testee.facts import Facts, observed
+from splatbus_conformance.trials.testee.facts import Facts
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.trials.trial import SETTLE_SECONDS as TRIAL_SETTLE_SECONDS
@@ -351,7 +351,7 @@ def _met(
     connection: Connection, role: ScriptedServer, testee: Testee
 ) -> probe_advice.ObservedConnection:
     failed = role.with_(connection).all_of("open_failed")
-    return observed(connection, connection.port)._replace(
+    return probe_advice.observed(connection, connection.port)._replace(
         ended=connection.ended is not None,
         offered=_offered(role, connection),
         failed=str(failed[0].get("reason")) if failed else "",

@@ -3,8 +3,6 @@
 from dataclasses import dataclass, field
 
 from splatbus_conformance.images.memory.device import why_no_device
-from splatbus_conformance.trials.testee.probe_advice import ObservedConnection
-from splatbus_conformance.wire.sockets import Connection
 
 
 @dataclass(kw_only=True)
@@ -23,15 +21,3 @@ class Facts:
         """Why a check that needs a `device` or the `stand-in` can show nothing; None if it can."""
         unseen = self.device_unseen
         return unseen if kind == "stand-in" else why_no_device(self.device, unseen)
-
-
-def observed(connection: Connection, port: int) -> ObservedConnection:
-    """What came on a connection, for advice; at this port, of the harness or of the testee."""
-    unread = (it.packet.payload for it in connection.messages if it.value is None)
-    return ObservedConnection(
-        connection.channel,
-        port,
-        [it.value for it in connection.messages if it.value is not None],
-        connection.no_packet,
-        next(unread, b""),
-    )

@@ -12,6 +12,7 @@ from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
 from splatbus_conformance.wire.messages import Json
 from splatbus_conformance.wire.recording import WORDS, Channel
+from splatbus_conformance.wire.sockets import Connection
 
 OPEN = (
     "SPLATBUS_TOKEN is set here, and the server lets in who does not say it: if it was to require "
@@ -46,6 +47,18 @@ class ObservedConnection(NamedTuple):
     """Which process is at the other end, where that is shown."""
     unfinished: bytes = b""
     """What came of a payload that is not complete."""
+
+
+def observed(connection: Connection, port: int) -> ObservedConnection:
+    """What came on a connection, for advice; at this port, of the harness or of the testee."""
+    unread = (it.packet.payload for it in connection.messages if it.value is None)
+    return ObservedConnection(
+        connection.channel,
+        port,
+        [it.value for it in connection.messages if it.value is not None],
+        connection.no_packet,
+        next(unread, b""),
+    )
 
 
 def on_client(

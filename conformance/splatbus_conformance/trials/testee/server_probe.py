@@ -14,7 +14,7 @@ from splatbus_conformance.plan import NoVerdict
 from splatbus_conformance.rules.v1_0.ini import size
 from splatbus_conformance.trials.scripted_client import DialledConnection, ScriptedClient
 from splatbus_conformance.trials.testee import diagnostics, probe_advice
-from splatbus_conformance.trials.testee.facts import Facts, observed
+from splatbus_conformance.trials.testee.facts import Facts
 from splatbus_conformance.trials.testee.process import Testee, not_met
 from splatbus_conformance.trials.trial import EFFECT_SECONDS
 from splatbus_conformance.wire.json_values import finite, finites, texts, within
@@ -207,7 +207,7 @@ def introduce(peer: Peer, viewer: ScriptedClient, testee: Testee, patience: floa
         facts.scene_known = shows_the_scene(facts.first, facts.setting(facts.first.frame))
     is_open = viewer.token is not None and any(facts.welcome.values()) and not facts.guarded
     is_blank = "frames" in facts.capabilities("ipc") and facts.init_packet is None
-    met = [observed(it, it.testee_port) for it in peer.connections]
+    met = [probe_advice.observed(it, it.testee_port) for it in peer.connections]
     facts.advice = probe_advice.on_server(met, is_open, is_blank)
     facts.size = size(within(facts.init_packet, "meta")) or (0, 0)
     peer.close_all()

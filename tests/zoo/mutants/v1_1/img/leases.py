@@ -2,10 +2,8 @@
 
 import time
 
-from splatbus_server.session import Session
 from splatbus_wire.messages import Release
 
-from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import renderer, server
 from tests.zoo.mutant import mutant
 
@@ -95,7 +93,7 @@ def server_takes_more_readers_than_slots(patch):
         self.exchange.memory.ring.clients = 1000
         return original(self, connection, now)
 
-    Seam(Session, "greet").wrap(patch, greet)
+    server.GREETS_CLIENT.wrap(patch, greet)
     _lends_to_any_number(patch)
 
 
