@@ -12,7 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from splatbus_conformance.plan import Side
-from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, Verdict
+from splatbus_conformance.verdicts import (
+    EXIT_CONFORMING,
+    EXIT_NO_VERDICT,
+    EXIT_NOT_CONFORMING,
+    Verdict,
+)
 
 from tests.zoo import mutants
 from tests.zoo.faults.patching import Patch
@@ -185,11 +190,15 @@ def judge_conforming(profile: str, requirement: str, it: Specimen) -> SpecimenRe
     must_warn = {name for name in it.warns if not requirement or name in select.split(",")}
     more = OPTIONS.get(it.home.judge, ())
     report, status, last_words = run_harness(it, select, more=("--profile", profile, *more))
+    # Of one requirement, there may be nothing to see in what conforms.
+    right = (
+        {EXIT_CONFORMING, EXIT_NO_VERDICT} if requirement and not must_warn else {EXIT_CONFORMING}
+    )
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
     warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
     if report is None:
         fate, note = Fate.NO_VERDICT, last_words
-    elif status == EXIT_CONFORMING and warned == must_warn:
+    elif status in right and warned == must_warn and not errors(cells):
         fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
     elif warned >= must_warn:
         fate, note = Fate.CONDEMNED, ""

@@ -78,10 +78,11 @@ class Connection:
     def send(self, data: bytes) -> None:
         """Send bytes as they are, in one write; quietly nothing if the testee has gone."""
         if self.open:
+            began = self._peer.now()  # the testee may answer before the harness runs again
             with contextlib.suppress(OSError):
                 with self._peer.waiting():
                     self._sock.sendall(data)
-                self._peer.note(self, self._peer.ours, data)
+                self._peer.note(self, self._peer.ours, data, began)
                 self.sent += len(data)
 
     @property
@@ -235,7 +236,7 @@ class Peer:
         """How long each thread of the testee has waited for a processor, in seconds, by its id."""
         self._start = self._looked = time.monotonic()
         self._absent = 0.0
-        self._asked = self._clock = self._start
+        self._asked = self._asked_at = self._clock = self._start
         self._delayed = 0.0
         self._known: Mapping[int, float] = {}
         self._count = dict.fromkeys(CHANNELS, 0)
@@ -287,14 +288,16 @@ class Peer:
     def clock(self) -> float:
         """Seconds by which a testee's patience is measured: those do not count in which a busy
         machine kept the testee from running, or the harness from looking, for what came has not
-        been seen then.
+        been seen then. Where both did, it goes on at the share in which the testee ran.
         """
-        looking = min(time.monotonic(), self._looked + GRACE_SECONDS) - self._absent
+        now = time.monotonic()
+        looking = min(now, self._looked + GRACE_SECONDS) - self._absent
         if looking - self._asked > DELAYS_SECONDS:
             known, self._known = self._known, self.delays()
             longest = max((it - known.get(id, 0.0) for id, it in self._known.items()), default=0.0)
-            self._delayed += min(longest, looking - self._asked)
-            self._asked = looking
+            share = min(longest / (now - self._asked_at), 1.0)
+            self._delayed += share * (looking - self._asked)
+            self._asked, self._asked_at = looking, now
         self._clock = max(self._clock, looking - self._delayed)
         return self._clock
 
@@ -362,15 +365,16 @@ class Peer:
             self.refuse(channel)
         self._selector.close()
 
-    def note(self, connection: Connection, direction: Direction, data: bytes) -> list[Message]:
-        """Put bytes on record; the messages that they complete."""
-        return self._put(
-            Entry(self._now(), connection.channel, connection.number, direction, data)
-        )[1]
+    def note(
+        self, connection: Connection, direction: Direction, data: bytes, at: float | None = None
+    ) -> list[Message]:
+        """Put bytes on record, as of now or of this time on it; the messages that they complete."""
+        t = self.now() if at is None else at
+        return self._put(Entry(t, connection.channel, connection.number, direction, data))[1]
 
     def note_event(self, connection: Connection, event: Event, direction: Direction) -> None:
         """Put an event on record."""
-        self._put(Entry(self._now(), connection.channel, connection.number, direction, event=event))
+        self._put(Entry(self.now(), connection.channel, connection.number, direction, event=event))
 
     def _put(self, entry: Entry) -> tuple[Conversation, list[Message]]:
         self.entries.append(entry)
@@ -412,7 +416,8 @@ class Peer:
         """The time by the monotonic clock of an entry that was made at `t`."""
         return self._start + t
 
-    def _now(self) -> float:
+    def now(self) -> float:
+        """The time on record."""
         return self.on_record(time.monotonic())
 
     def _accepted(self, channel: Channel) -> Connection | None:
@@ -428,7 +433,7 @@ class Peer:
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._count[channel] += 1
         number = self._count[channel]
-        conversation, _ = self._put(Entry(self._now(), channel, number, event="open"))
+        conversation, _ = self._put(Entry(self.now(), channel, number, event="open"))
         stream = conversation.streams[self.theirs]
         connection = Connection(self, sock, channel, number, testee_port, stream)
         self.last_opened[channel] = connection.opened

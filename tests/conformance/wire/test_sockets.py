@@ -92,6 +92,19 @@ def test_who_resets_before_it_is_accepted_has_connected_and_ended(peer: Peer) ->
 # Whose time is counted
 
 
+def test_what_is_sent_is_on_record_as_of_before_it_could_be_answered(
+    peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent = list[float]()
+    with dialled(peer):
+        [connection] = peer.until(lambda: peer.connections, SECONDS)
+        taking = SimpleNamespace(sendall=lambda data: sent.append(peer.now()))
+        monkeypatch.setattr(connection, "_sock", taking)
+        connection.send(b"x")
+        monkeypatch.undo()
+    assert peer.entries[-1].t <= sent[0]
+
+
 @pytest.fixture
 def clocked(monkeypatch: pytest.MonkeyPatch) -> Callable[..., SimpleNamespace]:
     """A clock, and a peer by it, each look of which takes as long as it is told."""

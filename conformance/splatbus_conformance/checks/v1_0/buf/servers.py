@@ -265,7 +265,7 @@ def check_what_is_subscribed_to_is_written(trial: ServerTrial) -> None:
     beside = _further_reader(trial)
     capture.go(anywhere(first, rng))
     held = capture.hold()
-    for turn, asked in enumerate(TURNS * (20 if trial.thorough else 1)):
+    for turn, asked in enumerate(TURNS * (20 if trial.thorough else 3)):
         if beside is not None:
             beside.take(anywhere(first, rng), None)  # what it says counts from the next on
             beside.take(anywhere(first, rng), None)

@@ -1,6 +1,7 @@
 """Checks on how messages are spelled, at either end: JSN (spec 1.0 section 2.2)."""
 
 import itertools
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from functools import cache, partial
@@ -32,9 +33,10 @@ from splatbus_conformance.trials.moves.device_listener import DEVICE, DeviceList
 from splatbus_conformance.trials.moves.exchanges.asking import asking
 from splatbus_conformance.trials.moves.exchanges.exchange import in_use
 from splatbus_conformance.trials.moves.exchanges.reading import (
+    SIZE,
     TIMES_AGAIN,
     answer_all,
-    asks_again_and_again,
+    asked_after_plain_replies,
     outcome_of_reading,
     wait_for_all,
 )
@@ -149,26 +151,29 @@ def of_replies(trial: ClientTrial) -> Iterator[Judge]:
     """Of welcome and a reply to each request; the testee must go on, and ask again after the size
     [0,0] and all else, where it does so after plain replies.
     """
-    asks_on = cache(lambda: asks_again_and_again(trial))
-    yield lambda writer: judge_replies(trial, writer, TIMES_AGAIN if asks_on() else 0)
+    plainly = cache(lambda: asked_after_plain_replies(trial))
+    yield lambda writer: judge_replies(trial, writer, plainly())
 
 
-def judge_replies(trial: ClientTrial, writer: Writer, times: int = 0) -> bool:
-    """The same; it has to ask again so many times. Whether it was seen to have read."""
-    before = trial.controls
+def judge_replies(trial: ClientTrial, writer: Writer, wanted: Counter[str]) -> bool:
+    """The same; it has to ask for so much where that shows that it reads. Whether it was seen to
+    have read.
+    """
+    before, asks_on = trial.controls, wanted[SIZE] == TIMES_AGAIN
     trial.role.server = ODDLY_NAMED
     written: list[bytes] = []
     trial.role.encode["msg"] = noting(writer, written)
     connection = asking(trial)
     answer_all(trial, connection)
-    read = wait_for_all(trial, connection, times) or not times
+    read = wait_for_all(trial, connection, wanted) or not asks_on
+    trial.role.encode["msg"] = encode  # long replies would keep both ends too busy to wait
     # Poses go on for a while even if reading does not.
     trial.ends(connection, REACTION_SECONDS)
     outcome = outcome_of_reading(trial, connection)
     last = shorten(written[-1].decode(), 400) if written else ""
     what = f"{len(written)} messages on the message channel, the last {last!r}"
     trial.judge("accepts" if outcome == "ignores" and read else outcome, what)
-    return bool(times) or trial.controls > before
+    return asks_on or trial.controls > before
 
 
 # Servers
@@ -384,7 +389,7 @@ def reading_once(trial: ClientTrial, channel: Place) -> AbstractContextManager[J
     """The same, but that what is long tells no time of requests: it is under way for a while."""
     if channel == "ipc":
         return of_announcements(trial)
-    return nullcontext(partial(judge_replies, trial))
+    return nullcontext(partial(judge_replies, trial, wanted=Counter(trial.facts.asks)))
 
 
 @check(

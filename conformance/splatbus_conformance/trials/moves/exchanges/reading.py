@@ -10,6 +10,7 @@ from splatbus_conformance.wire.sockets import Connection
 
 MOST_WAITS = 3
 """How often whoever asks on is given the time of an effect for the rest."""
+SIZE = "get_viewport_size"
 TIMES_AGAIN = 4
 """Whoever asks for the size so often has read what it asked for in between."""
 
@@ -20,34 +21,35 @@ def answer_all(trial: ClientTrial, connection: Connection) -> None:
         trial.role.reply(connection, request)
 
 
-def asked_again(trial: ClientTrial, connection: Connection, times: int = TIMES_AGAIN) -> bool:
-    """Whether all was asked for on this connection, and the size so many times: so often, that the
-    replies to all were read.
-    """
-    made = Counter(message["type"] for message in requests(trial, connection))
-    return made["get_viewport_size"] >= times and made.keys() >= trial.facts.asks
+def asked(trial: ClientTrial, connection: Connection) -> Counter[str]:
+    """How often what was asked for on this connection."""
+    return Counter(message["type"] for message in requests(trial, connection))
 
 
-def wait_for_all(trial: ClientTrial, connection: Connection, times: int) -> bool:
-    """Whether it asks again for all, as `asked_again`; it has time as long as it asks on at all."""
+def wait_for_all(trial: ClientTrial, connection: Connection, wanted: Counter[str]) -> bool:
+    """Whether it asks for so much; it has time as long as it asks on at all."""
     for _ in range(MOST_WAITS):
-        before = len(requests(trial, connection))
-        if trial.wait(lambda: asked_again(trial, connection, times) or connection.ended):
+        before = asked(trial, connection)
+        if trial.wait(lambda: asked(trial, connection) >= wanted or connection.ended):
             break
-        if len(requests(trial, connection)) == before:
+        if asked(trial, connection) == before:
             break
-    return asked_again(trial, connection, times)
+    return asked(trial, connection) >= wanted
 
 
-def asks_again_and_again(trial: ClientTrial) -> bool:
-    """Whether whole, plain replies, from now on with the size [0,0], make the testee ask on."""
+def asked_after_plain_replies(trial: ClientTrial) -> Counter[str]:
+    """What whole, plain replies, from now on with the size [0,0], make the testee ask for: each
+    once, and `SIZE` as `TIMES_AGAIN` says where it asks on.
+    """
     nothing = {"viewport_size": [0, 0]}  # the lens of cameras is that of images that there are
     trial.role.spoil = lambda reply: reply | nothing if "viewport_size" in reply else reply
     connection = asking(trial)
     answer_all(trial, connection)
-    seconds = EFFECT_SECONDS if "get_viewport_size" in trial.facts.asks else REACTION_SECONDS
-    trial.wait(lambda: asked_again(trial, connection) or connection.ended, seconds)
-    return asked_again(trial, connection)
+    most = Counter(trial.facts.asks) + Counter({SIZE: TIMES_AGAIN - 1})
+    seconds = EFFECT_SECONDS if SIZE in trial.facts.asks else REACTION_SECONDS
+    trial.wait(lambda: asked(trial, connection) >= most or connection.ended, seconds)
+    made = asked(trial, connection) & most
+    return made if made[SIZE] == TIMES_AGAIN else Counter(made.keys())
 
 
 def outcome_of_reading(trial: ClientTrial, connection: Connection) -> str:
