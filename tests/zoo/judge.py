@@ -132,7 +132,7 @@ def judge_mutant(mutant: Specimen) -> SpecimenResult:
     ask = by_simulation if mutant.home.judge is Judge.SIMULATION else by_harness
     cells, last_words = ask(mutant)
     fate, note = fate_of(mutant, cells or []), ""
-    if cells is None or (fate is Fate.SURVIVED and errors(cells)):
+    if not cells or (fate is Fate.SURVIVED and errors(cells)):
         fate, note = Fate.NO_VERDICT, last_words
     told = tuple(c for c in cells or () if c.requirement == mutant.requirement or c.condemns)
     return SpecimenResult(mutant, fate, told, note=note)

@@ -127,8 +127,8 @@ class WithServer:
         self.leave()
         if self._counting and self.knowledge.crowd:
             served, before = 0, self.knowledge.crowd
-            deadline = time.monotonic() + EFFECT_SECONDS
-            while served < self.knowledge.crowd and time.monotonic() < deadline:
+            deadline = self.trial.peer.clock() + EFFECT_SECONDS
+            while served < self.knowledge.crowd and self.trial.peer.clock() < deadline:
                 served = crowd(self.trial)
             if served < self.knowledge.crowd:
                 text = f"once all had left, {served} clients were lent frames, {before} before"
@@ -151,9 +151,9 @@ class WithServer:
         connection = self._seated(channel)[seat].connection
         if not self.knowledge.greets:
             return
-        deadline = time.monotonic() + EFFECT_SECONDS
+        deadline = self.trial.peer.clock() + EFFECT_SECONDS
         while not self._welcomed(connection):
-            if time.monotonic() > deadline:
+            if self.trial.peer.clock() > deadline:
                 # What has ended still takes a place, or the server greets nobody any more.
                 lost = channel == "ipc" and self.knowledge.frames
                 text = f"a new client on the {WORDS[channel]} channel was not served"
@@ -324,8 +324,8 @@ class WithServer:
         def shown(reader: Reader) -> bool:
             return reader.frames > 0 and where in (None, reader.camera)
 
-        deadline = time.monotonic() + EFFECT_SECONDS
-        while not all(map(shown, free)) and time.monotonic() < deadline:
+        deadline = self.trial.peer.clock() + EFFECT_SECONDS
+        while not all(map(shown, free)) and self.trial.peer.clock() < deadline:
             if mover is not None and where is not None:
                 pose = camera_pose((where, 0.25, -4.0))
                 self.viewer.say(mover.connection, pose)

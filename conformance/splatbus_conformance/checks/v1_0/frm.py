@@ -348,9 +348,9 @@ def check_incomplete_packet_is_given_up(trial: Trial, dribbles: bool) -> None:
     silence; its first bytes behind a whole one; and one byte more every second.
     """
     dripping = _incomplete(trial, dribbles)
-    began, everyone = time.monotonic(), list(dripping)
+    began, everyone = trial.peer.clock(), list(dripping)
     for place in itertools.count():
-        left = began + LIMIT + EFFECT_SECONDS - time.monotonic()
+        left = began + LIMIT + EFFECT_SECONDS - trial.peer.clock()
         if left <= 0 or trial.wait(lambda: all(c.ended for c in everyone), min(left, DRIP_SECONDS)):
             break
         for connection, rest in dripping.items():

@@ -583,8 +583,9 @@ def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> 
     late = [keeper, silent] if trial.with_(silent).init_packets else [keeper]
     resizing.changed(trial, client, other_sizes(trial)[0])
     trial.wait(lambda: trial.with_(keeper).kept or keeper.ended, REINIT_SECONDS)
-    until = max(map(told_at, late)) + LET_GO_SECONDS + LIMITS["close_seconds"]
-    while time.monotonic() < until and not trial.fate():
+    left = max(map(told_at, late)) + LET_GO_SECONDS + LIMITS["close_seconds"] - time.monotonic()
+    until = trial.peer.clock() + left
+    while trial.peer.clock() < until and not trial.fate():
         trial.sees(other, trial.move())
         trial.rest(SOON / 2)
         if all(reader.ended for reader in late):

@@ -222,8 +222,8 @@ class DeviceGallery:
         self._pace /= 2.0  # it was held up once, perhaps
         began = changed = time.monotonic()
         changes, sent, former, now = 0, 0.0, self._last, self.read()
-        looked_at = 0.0
-        while time.monotonic() - began < EFFECT_SECONDS and changes < RESTLESS:
+        looked_at, until = 0.0, self.trial.peer.clock() + EFFECT_SECONDS
+        while self.trial.peer.clock() < until and changes < RESTLESS:
             if time.monotonic() - sent >= AGAIN_SECONDS:
                 # In one piece, so that hardly an image is begun when half of it has arrived.
                 self.trial.mover().send(b"".join(packet(encode(message)) for message in said))

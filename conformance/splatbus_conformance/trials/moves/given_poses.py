@@ -3,7 +3,6 @@
 The harness gives a pose in the engine's axes, and reads what became of it.
 """
 
-import time
 from collections.abc import Collection, Iterator
 from functools import partial
 from typing import NamedTuple
@@ -100,8 +99,8 @@ def _arriving(
     heard = trial.with_(connection).heard
     at, nothing = len(heard), True
     _give(trial, kind, pose)
-    deadline = time.monotonic() + trial.patience
-    while (left := deadline - time.monotonic()) > 0:
+    deadline = trial.peer.clock() + trial.patience
+    while (left := deadline - trial.peer.clock()) > 0:
         trial.wait(partial(_more, heard, at, connection), left)
         if len(heard) == at:
             break
@@ -110,7 +109,7 @@ def _arriving(
             came, nothing = read(trial, kind, message), False
             yield came
             if came not in before:
-                deadline = min(deadline, time.monotonic() + RESEND_SECONDS)
+                deadline = min(deadline, trial.peer.clock() + RESEND_SECONDS)
     if nothing and connection.ended:
         trial.not_observable("the testee closed the connection")
     if nothing and before:

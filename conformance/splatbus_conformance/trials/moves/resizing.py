@@ -4,7 +4,6 @@ import contextlib
 import itertools
 import math
 import random
-import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -128,12 +127,12 @@ def sitting(trial: ServerTrial) -> Iterator[Sitting]:
 
 def _restore(trial: ServerTrial) -> None:
     """Whatever the check found, those that follow rely on the size that they know."""
-    client, deadline = trial.greeted("msg"), time.monotonic() + EFFECT_SECONDS
+    client, deadline = trial.greeted("msg"), trial.peer.clock() + EFFECT_SECONDS
     width, height = trial.facts.size
     request: Json = {"type": "set_viewport", "width": width, "height": height}
     while (trial.ask(client, request) or {}).get("type") != "viewport_size":
         trial.rest(REACTION_SECONDS / 4)
-        if time.monotonic() > deadline or client.ended:
+        if trial.peer.clock() > deadline or client.ended:
             if trial.testee.expendable:
                 trial.testee.stop()
             return

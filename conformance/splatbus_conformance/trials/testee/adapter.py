@@ -10,7 +10,6 @@ import os
 import queue
 import subprocess
 import threading
-import time
 from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -165,12 +164,12 @@ class Adapted(Started):
         return ended
 
     def _next_line(self, what: str, seconds: float) -> Json:
-        deadline = time.monotonic() + seconds
+        deadline = self._peer.clock() + seconds
         while True:
             self._peer.pump()
             with contextlib.suppress(queue.Empty):
                 return self._understood(self._lines.get(timeout=GLANCE_SECONDS), what)
-            if time.monotonic() >= deadline or self._mute:
+            if self._peer.clock() >= deadline or self._mute:
                 self._mute = True
                 raise AdapterBroken(f"it was silent for {seconds:g} s: {what} did not come")
 
