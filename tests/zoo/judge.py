@@ -132,7 +132,8 @@ def judge_mutant(mutant: Specimen) -> SpecimenResult:
     ask = by_simulation if mutant.home.judge is Judge.SIMULATION else by_harness
     cells, last_words = ask(mutant)
     fate, note = fate_of(mutant, cells or []), ""
-    if not cells or (fate is Fate.SURVIVED and errors(cells)):
+    failed = any(cell.verdict == Verdict.ERROR for cell in cells or ())
+    if not cells or (fate is Fate.SURVIVED and failed):
         fate, note = Fate.NO_VERDICT, last_words
     told = tuple(c for c in cells or () if c.requirement == mutant.requirement or c.condemns)
     return SpecimenResult(mutant, fate, told, note=note)
@@ -190,20 +191,18 @@ def judge_conforming(profile: str, requirement: str, it: Specimen) -> SpecimenRe
     must_warn = {name for name in it.warns if not requirement or name in select.split(",")}
     more = OPTIONS.get(it.home.judge, ())
     report, status, last_words = run_harness(it, select, more=("--profile", profile, *more))
-    # Of one requirement, there may be nothing to see in what conforms.
-    right = (
-        {EXIT_CONFORMING, EXIT_NO_VERDICT} if requirement and not must_warn else {EXIT_CONFORMING}
-    )
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
-    warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
+    told = {cell.requirement for cell in cells}
+    # Of one requirement there may be nothing to see.
+    least = EXIT_NO_VERDICT if requirement else EXIT_CONFORMING
     if report is None:
         fate, note = Fate.NO_VERDICT, last_words
-    elif status in right and warned == must_warn and not errors(cells):
+    elif status in (EXIT_CONFORMING, least) and told == must_warn:
         fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
-    elif warned >= must_warn:
+    elif told >= must_warn:
         fate, note = Fate.CONDEMNED, ""
     else:
-        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(must_warn - warned))}"
+        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(must_warn - told))}"
     seconds = {
         result["check"]: result["seconds"]
         for requirement in (report or {}).get("requirements", [])
@@ -220,11 +219,6 @@ def cells_of(report: dict[str, Any] | None) -> list[Cell]:
         for requirement in (report or {}).get("requirements", [])
         for result in requirement["results"]
     ]
-
-
-def errors(cells: list[Cell]) -> bool:
-    """Whether the harness itself failed somewhere."""
-    return any(cell.verdict == Verdict.ERROR for cell in cells)
 
 
 def run_harness(

@@ -95,14 +95,14 @@ def test_who_resets_before_it_is_accepted_has_connected_and_ended(peer: Peer) ->
 def test_what_is_sent_is_on_record_as_of_before_it_could_be_answered(
     peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sent = list[float]()
     with dialled(peer):
         [connection] = peer.until(lambda: peer.connections, SECONDS)
-        taking = SimpleNamespace(sendall=lambda data: sent.append(peer.now()))
+        noted = list[float]()
+        taking = SimpleNamespace(sendall=lambda _: noted.append(peer.now()))
         monkeypatch.setattr(connection, "_sock", taking)
         connection.send(b"x")
         monkeypatch.undo()
-    assert peer.entries[-1].t <= sent[0]
+    assert peer.entries[-1].t <= noted[0]
 
 
 @pytest.fixture

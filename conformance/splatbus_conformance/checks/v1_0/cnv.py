@@ -38,7 +38,6 @@ from splatbus_conformance.trials.moves.pose_error import (
 from splatbus_conformance.trials.moves.survey import first_view, judge_readings, moves
 from splatbus_conformance.trials.server import ServerTrial
 
-SENDS = ("msg", "adapter:send_camera")
 PIXELS = ("1.1", "frames", "pixels")
 SHOWN = {SERVER_HOST: PIXELS, SERVER_DEVICE: ("cuda", "device")}
 CAMERAS_ASKED = 8

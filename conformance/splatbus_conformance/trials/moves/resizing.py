@@ -127,15 +127,16 @@ def sitting(trial: ServerTrial) -> Iterator[Sitting]:
 
 def _restore(trial: ServerTrial) -> None:
     """Whatever the check found, those that follow rely on the size that they know."""
-    client, deadline = trial.greeted("msg"), trial.peer.clock() + EFFECT_SECONDS
+    client = trial.greeted("msg")
     width, height = trial.facts.size
     request: Json = {"type": "set_viewport", "width": width, "height": height}
-    while (trial.ask(client, request) or {}).get("type") != "viewport_size":
-        trial.rest(REACTION_SECONDS / 4)
-        if trial.peer.clock() > deadline or client.ended:
-            if trial.testee.expendable:
-                trial.testee.stop()
-            return
+
+    def restored() -> bool:
+        return (trial.ask(client, request) or {}).get("type") == "viewport_size"
+
+    trial.wait(lambda: client.ended or restored())
+    if not restored() and trial.testee.expendable:
+        trial.testee.stop()
 
 
 def told_at(reader: Connection) -> float:

@@ -2,7 +2,7 @@
 // A renderer behind a slow line: a floor of waves, drawn five times a second at most, told late and in bundles.
 const fs = require("fs");
 const net = require("net");
-const { parsed, isInt, isObject, isNumber } = require("./text");
+const { parsed, isInt, isObject, isNumber } = require("../one_session/text");
 
 const SLOTS = 64, LATE = 300, MOST = 1 << 20, SAFE = Number.MAX_SAFE_INTEGER, NEAR = 0.05, FAR = 60;
 const MINE = { ipc: ["frames", "reinit", "host_shm"], msg: ["viewport", "ping"] };
