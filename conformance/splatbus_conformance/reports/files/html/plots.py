@@ -41,6 +41,7 @@ class Decades(NamedTuple):
 
 ROW = Decades(-4, 1)
 """Of a row of errors, by their budgets: what is smaller or larger stands at an end."""
+AT_BUDGET = ROW.x(1.0, ROW_WIDTH)
 
 
 def decades_around(values: Iterable[float]) -> Decades:
