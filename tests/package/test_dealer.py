@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -93,3 +94,5 @@ def test_whoever_deals_is_ended_with_all_that_it_has_started(number: int, tmp_pa
     run.send_signal(number)
     run.communicate(timeout=120)
     assert eventually(lambda: not sleepers(mark), 60)
+    there = Path(tempfile.gettempdir())
+    assert eventually(lambda: not [*there.glob("t*")], 60), "what its files were in"
