@@ -15,13 +15,16 @@ from splatbus_wire.semantics import Semantics
 
 from splatbus_client import cuda
 from splatbus_client.complaints import Complaints
-from splatbus_client.events import Announced, Declined, IpcEvent, Lent, Look
+from splatbus_client.events import Announced, Declined, IpcEvent, Lent, Look, Negotiated
 from splatbus_client.host_memory import CannotOpenError, HostImages
 from splatbus_client.ipc_protocol import IpcProtocol
 from splatbus_client.lease import Glimpse
 
 log = logging.getLogger("splatbus_client")
 
+GRANTS_NOTHING = (
+    "the server grants nothing that is done on the IPC channel; are the two ports swapped?"
+)
 LOOK_SECONDS = 1 / 60
 """Between two looks at the buffers of 1.0, which nobody announces new images in."""
 CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
@@ -113,6 +116,8 @@ class Reading:
             self.open_memory(event.packet)
         elif isinstance(event, Declined):
             self._go_without(event.reason)
+        elif isinstance(event, Negotiated) and event.version != "1.0" and not event.capabilities:
+            self._go_without(GRANTS_NOTHING)
         elif isinstance(event, Lent):
             self.take_frame(event.frame, event.channels)
         elif isinstance(event, Look):

@@ -236,7 +236,7 @@ class Bus:
         try:
             has_news = self._exchange.publish(view, time, fill)
         except LostMemoryError as lost:
-            log.error("%s: images go on in memory that is made anew", lost)
+            self._session.tell_taken(str(lost))
             self._make_anew(memory)
         finally:
             if has_news:

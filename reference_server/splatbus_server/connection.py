@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, Union
 
 from splatbus_schemas import LIMITS, VERSIONS
 from splatbus_wire.errors import FramingError, ProtocolError
-from splatbus_wire.framing import MAX_PAYLOAD_BYTES, guess
+from splatbus_wire.framing import MAX_PAYLOAD_BYTES, seems
 from splatbus_wire.messages import (
     Channel,
     ClientMessage,
@@ -235,9 +235,9 @@ class Connection:
         elif now >= self._send_by:
             self.abort(f"it read nothing for {LIMITS['stalled_reader_seconds']} s [LIM-2]")
         elif now >= self.reader.deadline:
-            seems = guess(bytes(self.reader.decoder.unfinished[:4]))
+            other = seems(bytes(self.reader.decoder.unfinished[:4096]))
             self.end(
-                f"a packet was not complete after {COMPLETION_SECONDS:g} s [FRM-5]{seems}", now
+                f"a packet was not complete after {COMPLETION_SECONDS:g} s [FRM-5]{other}", now
             )
         elif now >= self.hello_by:
             self.end(f"no hello after {LIMITS['hello_seconds']} s [NEG-12]", now)

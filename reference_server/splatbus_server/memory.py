@@ -24,7 +24,7 @@ Writer = Callable[[int, Set[str]], None]
 
 
 class LostMemoryError(OSError):
-    """Another program has cut the memory short."""
+    """Another program has taken the memory away, or a part of it."""
 
 
 class FrameMemory(Protocol):
@@ -48,6 +48,9 @@ class FrameMemory(Protocol):
 
     def successor(self, width: int, height: int) -> FrameMemory:
         """Memory for images of another size, the next generation."""
+
+    def taken(self) -> str:
+        """What another program has taken of it; nothing of what is whole."""
 
     def free_bytes(self) -> int:
         """How much more memory of this kind there is."""
@@ -103,7 +106,7 @@ class Memory:
         self._semantics = semantics
         layout, size = host_ring(width, height, self.ring.slots)
         segment = shared_memory.create(size)
-        self._is_whole = segment.is_whole
+        self.taken = segment.taken
         self._remove = weakref.finalize(self, remove_if_owner, segment, os.getpid())
         # Only now: what it writes to for itself takes seconds for a size that cannot be had.
         self.publisher = Publisher(width, height, semantics.depth_empty)
@@ -131,10 +134,8 @@ class Memory:
         image = source(color, depth, alpha, depth_kind, self.width, self.height, premultiplied)
 
         def write(slot: int, wants: Set[str]) -> None:
-            if not self._is_whole():
-                raise LostMemoryError(
-                    f"another program has cut the memory of generation {self.generation} short"
-                )
+            if taken := self.taken():
+                raise LostMemoryError(taken)
             is_deep = "depth" in wants and image.depth is not None
             self.publisher.write(
                 image,

@@ -312,6 +312,9 @@ class Service:
             version, _, capabilities = connection.welcome
             agreed = " ".join((version, *capabilities))
             log.info("%s: hello from %r %r, speaks %s", peer.name, *message.client, agreed)
+            if message.capabilities and not capabilities:
+                told = ", ".join(message.capabilities)
+                log.warning("%s: grants none of %s: has it swapped the two ports?", peer.name, told)
         try:
             return self._session.handle(connection, message, now)
         except Exception:

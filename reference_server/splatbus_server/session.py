@@ -42,6 +42,7 @@ from splatbus_server.connection import Connection, Refusal
 from splatbus_server.control import Control, Poses
 from splatbus_server.exchange import WITH_LEGACY, Exchange
 from splatbus_server.limits import DEFAULT, Limits
+from splatbus_server.logs import log
 from splatbus_server.memory import FrameMemory
 from splatbus_server.reader import Reader, receipt
 from splatbus_server.statistics import Statistics
@@ -55,6 +56,8 @@ CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 memory is on a GPU."""
 MESSAGE_CAPABILITIES = ("intrinsics", "objects", "scene", "viewport", "time", "ping", "telemetry")
 """What it can do on the message channel; `time` only where the scene has a range [TIM-4]."""
+MOST_TOLD = 8
+"""As many programs are named of those that were told of memory."""
 
 
 class Session:
@@ -70,6 +73,7 @@ class Session:
         readers: what each client on the IPC channel was told and still has.
         readings: telemetry from the renderer.
         statistics: to count in.
+        told: the programs that were last told of memory.
         told_busy: who knows that it does not steer [CTL-2].
     """
 
@@ -102,6 +106,7 @@ class Session:
         self.exchange = Exchange(memory, lens, self.control.poses, self.statistics)
         self.viewport = Viewport(self.exchange, limits)
         self._moves: Counter[object] = Counter()
+        self.told: tuple[str, ...] = ()
         self.told_busy: set[Connection] = set()
         self.readers: dict[Connection, Reader] = {}
 
@@ -123,7 +128,7 @@ class Session:
             return self.answer(connection, message, now)
         self.has_news = True
         if isinstance(message, Hello):
-            return self.greet(connection, now)
+            return self.greet(connection, message, now)
         if isinstance(message, (Opened, OpenFailed, Closed)):
             return self.take_answer(connection, message)
         if isinstance(message, Release):
@@ -160,9 +165,10 @@ class Session:
         if refusal is not None:
             self.statistics.refused[refusal.code] += 1
         memory = self.exchange.memory
-        for connection, reader in self.readers.items():
-            if reader.told < memory.generation and connection.is_open:
-                self.announce(connection, reader, memory, now)
+        unaware = [c for c, r in self.readers.items() if r.told < memory.generation and c.is_open]
+        if unaware and not self.is_made_anew(memory):
+            for connection in unaware:
+                self.announce(connection, self.readers[connection], memory, now)
         ready = {
             connection: reader
             for connection, reader in self.readers.items()
@@ -251,7 +257,7 @@ class Session:
             return Refusal("busy", "memory of the former size is in use [VPT-4]")
         return None
 
-    def greet(self, connection: Connection, now: float) -> Refusal | None:
+    def greet(self, connection: Connection, hello: Hello, now: float) -> Refusal | None:
         """Takes an IPC client that can open the memory [NEG-11, CHN-5] for a reader."""
         is_reader = connection.has("host_shm") or self.exchange.memory.kind == "cuda_ipc"
         if connection.channel != "ipc" or not is_reader:
@@ -262,7 +268,8 @@ class Session:
             refusal = connection.complain(Refusal("too_many_clients", reason))
             connection.end(reason, now)
             return refusal
-        self.readers.setdefault(connection, Reader()).is_let_in = connection.has("frames")
+        reader = self.readers.setdefault(connection, Reader())
+        reader.program, reader.is_let_in = " ".join(hello.client), connection.has("frames")
         return None
 
     def announce(
@@ -270,10 +277,33 @@ class Session:
     ) -> None:
         """Sends an init packet, or ends who takes no further one [OPN-7]."""
         if reader.told and not connection.has("reinit"):
-            connection.end("the image has another size now, and it takes no reinit [OPN-7]", now)
+            connection.end("images are in other memory now, and it takes no reinit [OPN-7]", now)
             return
+        self.told = (*self.told, reader.program)[-MOST_TOLD:]
         connection.send(memory.init_packet)
         reader.tell(memory, now)
+
+    def is_made_anew(self, memory: FrameMemory) -> bool:
+        """Whether other memory is made, since another program has taken something of this."""
+        taken = memory.taken()
+        if not taken or memory.generation == self.viewport.stays:
+            return False
+        if not self.viewport.is_changing:
+            self.tell_taken(taken)
+            self.viewport.begin(None, SetViewport(memory.width, memory.height))
+        return True
+
+    def tell_taken(self, what: str) -> None:
+        """Logs that another program has taken this, and who may have."""
+        told, self.told = dict.fromkeys(self.told), ()
+        log.error(
+            "another program has taken away %s: images go on in memory that is made anew. It was "
+            "announced to %s. What attaches by Python's multiprocessing.shared_memory removes the "
+            "memory when it ends, unless it says track=False (since 3.13) or takes it from the "
+            "resource tracker (resource_tracker.unregister)",
+            what,
+            ", ".join(told) or "nobody",
+        )
 
     def take_answer(
         self, connection: Connection, message: Opened | OpenFailed | Closed
@@ -292,6 +322,7 @@ class Session:
         if reader.lease is not None and reader.lease.memory.generation == generation:  # OPN-14
             reader.lease = None
         if isinstance(message, OpenFailed):
+            self.is_made_anew(self.exchange.memory)
             return Refusal("open_failed", f"the client could not open it: {message.reason!r}")
         return None
 

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import socket
 
+from splatbus_schemas.first_bytes import recognised
+from splatbus_schemas.visible import visible
+from splatbus_wire.errors import FramingError, ProtocolError
+from splatbus_wire.messages import Hello, Program, Welcome, decode_from_server_ipc, encode
+from splatbus_wire.packet_reader import PacketReader
 from splatbus_wire.settings import Settings
 from splatbus_wire.settings import settings as wire_settings
 
 BACKLOG = 4096
 """Connections that the system keeps until they are accepted, as far as it lets us."""
+ASK_SECONDS = 1.0
+MOST_READ = 4096
+"""Of what listens where this server was to listen: for each step, and bytes of its answer."""
 LEAST_TOKEN_CHARS = 16
 """Of a token that others can try: with fewer it could be guessed."""
 
@@ -61,6 +70,30 @@ def listen(host: str, port: int) -> socket.socket:
     try:
         listener = socket.create_server(address[:2], family=family, backlog=BACKLOG)
     except OSError as error:
-        raise OSError(error.errno, f"cannot listen on {host}:{port}: {error.strerror}") from None
+        why = error.strerror
+        if error.errno == errno.EADDRINUSE:
+            why = f"{who_listens(*address[:2])}; choose other ports, or stop it"
+        raise OSError(error.errno, f"cannot listen on {host}:{port}: {why}") from None
     listener.setblocking(False)
     return listener
+
+
+def who_listens(host: str, port: int) -> str:
+    """What answers there when it is greeted, in words; it has a few seconds at most."""
+    reader, said, other = PacketReader(), b".", "another program listens there"
+    hello = Hello(("1.1", "1.0"), Program("splatbus-server", ""), ())
+    try:
+        with socket.create_connection((host, port), ASK_SECONDS) as asked:
+            asked.sendall(encode(hello))
+            asked.shutdown(socket.SHUT_WR)
+            while said and (payload := reader.next_packet(0.0)) is None:
+                said = asked.recv(MOST_READ)
+                reader.receive(said, 0.0)
+        message = decode_from_server_ipc(payload or b"")
+    except FramingError:
+        known = recognised(said)
+        return other + f" ({known})" * bool(known)
+    except (OSError, ProtocolError):
+        return other
+    name = visible(" ".join(message.server)) if isinstance(message, Welcome) else "of SplatBus"
+    return f"another server listens there, {name}"

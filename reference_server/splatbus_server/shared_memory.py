@@ -36,8 +36,9 @@ class Segment:
     Attributes:
         name: what a client opens, as the init packet's ``memory.name`` says it.
         buffer: its bytes, zero at first, writable, every page already in memory.
-        is_whole: whether every byte is still there. Who writes where another program has cut the
-            file short is killed by a signal, so this is asked before; on Linux alone it can happen.
+        taken: what another program has taken of it, which on Linux alone is seen; nothing of what
+            is whole. Who writes where it was cut short is killed by a signal, so this is asked
+            before; and whoever is told its name once that is gone finds nothing.
     """
 
     def __init__(
@@ -45,11 +46,11 @@ class Segment:
         name: str,
         buffer: memoryview,
         cleanup: ExitStack,
-        is_whole: Callable[[], bool] = lambda: True,
+        taken: Callable[[], str] = str,
     ) -> None:
         self.name = name
         self.buffer = buffer
-        self.is_whole = is_whole
+        self.taken = taken
         self._cleanup = cleanup
 
     def close(self) -> None:
@@ -170,7 +171,14 @@ if sys.platform == "linux":
             buffer = memoryview(mapping)
             cleanup.callback(_unmap, buffer, mapping.close)
             _touch(buffer)
-            return Segment(name, buffer, cleanup.pop_all(), lambda: os.fstat(file).st_size >= size)
+
+            def taken() -> str:
+                found = os.fstat(file)
+                if found.st_nlink == 0:
+                    return f"the name {path}"
+                return "" if found.st_size >= size else f"the end of {path}"
+
+            return Segment(name, buffer, cleanup.pop_all(), taken)
 
     def _listed(prefix: str) -> list[Path]:
         return [path for path in DIRECTORY.iterdir() if path.name.startswith(prefix)]

@@ -54,6 +54,7 @@ class Viewport:
         exchange: with the renderer.
         change: the one under way.
         askers: who asked for the size that images have.
+        stays: generation of memory of which no successor could be had.
     """
 
     def __init__(self, exchange: Exchange, limits: Limits = DEFAULT) -> None:
@@ -62,7 +63,7 @@ class Viewport:
         self.change: Change | None = None
         self.askers: set[Connection] = set()
         self._limits = limits
-        self._stays = 0
+        self.stays = 0
 
     @property
     def is_changing(self) -> bool:
@@ -102,7 +103,7 @@ class Viewport:
         return (
             not (self.askers or self.is_changing or self.exchange.replaced)
             and (memory.width, memory.height) != self.exchange.own_size
-            and memory.generation != self._stays
+            and memory.generation != self.stays
         )
 
     def begin(self, asker: Connection | None, request: SetViewport) -> None:
@@ -130,7 +131,7 @@ class Viewport:
         else:
             log.warning("%d×%d refused: %s", *change.request[:2], refusal.reason)
             self._discard(change)
-            self._stays = self.exchange.memory.generation if asker is None else self._stays
+            self.stays = self.exchange.memory.generation if asker is None else self.stays
         if asker is not None:
             if refusal is None:
                 asker.send(ViewportSize(*change.request))

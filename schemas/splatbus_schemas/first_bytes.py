@@ -1,14 +1,18 @@
 """What bytes are that are no packets: the usual mistakes of framing, told by the first bytes."""
 
+from __future__ import annotations
+
 import json
 import re
 
-from splatbus_schemas import LIMITS
+from splatbus_schemas import FRAMING, LIMITS
+from splatbus_schemas.visible import visible
 
-from splatbus_conformance.wire.packets import HEADER
-
+HEADER: int = FRAMING["length"]["bytes"]
 MOST: int = LIMITS["max_payload_bytes"]
-_HTTP = re.compile(rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|CONNECT|PATCH|PRI) |HTTP/\d")
+_HTTP = re.compile(rb"(GET|HEAD|POST|PUT|DELETE|OPTIONS|CONNECT|PATCH|PRI) |HTTP|RTSP")
+_ANSWER = re.compile(rb"HTTP/\d|RTSP/\d")
+_SERVER = re.compile(rb"\nserver: *([ -~]{1,80})", re.IGNORECASE)
 _TLS = re.compile(rb"\x16\x03[\x00-\x04]", re.DOTALL)
 _NAMED_LENGTH = re.compile(rb"content-length:", re.IGNORECASE)
 _SPELLED_LENGTH = re.compile(rb"\d{1,7}\s*[:,]?\s*\{")
@@ -20,7 +24,12 @@ BESIDE = (
 )
 """Bytes in front of a header, and what they are."""
 FOREIGN = (
-    (_TLS, "this is the first message of TLS, and SplatBus goes over plain TCP"),
+    (re.compile(rb"\s*<(!doctype|html)\b", re.IGNORECASE), "this is a page of a web server"),
+    (re.compile(rb"SSH-\d"), "an SSH server answers here"),
+    (
+        _TLS,
+        "this is the first message of TLS, and SplatBus goes over plain TCP: tunnel it (ssh -L)",
+    ),
     (_NAMED_LENGTH, "this is a header of text; the length goes as four bytes before each message"),
     (_SPELLED_LENGTH, "the length is spelled in digits, where four bytes have to hold it"),
 )
@@ -34,6 +43,10 @@ def recognised(data: bytes) -> str:
     Args:
         data: the stream from that header on, as far as it came.
     """
+    if _ANSWER.match(data):
+        named = _SERVER.search(data)
+        name = f", {visible(named[1].decode())}" if named else ""
+        return f"this is the answer of a web server{name}, and SplatBus goes over plain TCP"
     if _HTTP.match(data):
         if b"upgrade: websocket" in data.lower():
             return "this opens a WebSocket, and SplatBus goes over plain TCP"

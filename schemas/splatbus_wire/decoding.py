@@ -34,9 +34,12 @@ Channel = Literal["ipc", "msg"]
 MAX_CLIENT_VALUES: int = LIMITS["max_client_values"]
 
 _CHANNELS: dict[str, Channel] = {"ipc": "ipc", "message": "msg"}
+_NAMES = {"ipc": "IPC", "message": "message"}
+SWAPPED = "are the two ports swapped?"
+_MESSAGES: dict[str, Any] = read_json("messages.json")["messages"]
 CAPABILITIES: dict[tuple[Channel, str], str] = {
     (_CHANNELS[channel], name): told["capability"]
-    for name, told in read_json("messages.json")["messages"].items()
+    for name, told in _MESSAGES.items()
     for channel in told["channels"]
     if told["from"] == "client" and "capability" in told
 }
@@ -104,7 +107,8 @@ def _from_client(
     elif kind in ("get_viewport_size", "get_camera_pose"):
         found = from_client.request_of_1_0(kind, message)
     if found is None:
-        raise _unknown_type(message, "NEG-9" if said_hello or channel == "ipc" else "REQ-8")
+        requirement = "NEG-9" if said_hello or channel == "ipc" else "REQ-8"
+        raise _unknown_type(message, channel, requirement)
     return found
 
 
@@ -127,7 +131,7 @@ def decode_from_server_ipc(payload: bytes) -> InitPacket | Welcome | Frame | Err
         return from_server.frame(message.under("IMG-1"))
     if is_init_packet(message.value):
         return parse_init_packet(message.value)
-    raise _unknown_type(message, "INI-11")
+    raise _unknown_type(message, "ipc", "INI-11")
 
 
 def decode_from_server_message(
@@ -162,9 +166,11 @@ def decode_from_server_message(
     elif kind == "pong" and typed:
         reply = from_server.pong(message)
     elif kind is None and not typed:
+        if is_init_packet(message.value):
+            raise _unknown_type(message, "msg", "CHN-11")
         raise message.refused("answers no request", "unknown_type")
     else:
-        raise _unknown_type(message, "NEG-9")
+        raise _unknown_type(message, "msg", "NEG-9")
     if request is None:
         raise message.refused("answers no request", "unknown_type")
     if kind != _reply_type(request):
@@ -178,8 +184,15 @@ def _reply_type(request: Request | None) -> str | None:
     return None if request is None else _REPLY_TYPES[type(request)]
 
 
-def _unknown_type(message: Field, requirement: str) -> ProtocolError:
+def _unknown_type(message: Field, channel: Channel, requirement: str) -> ProtocolError:
     kind = Field(message.value.get("type"), "/type", requirement)
     if "type" not in message.value:
-        return kind.refused("is missing", "unknown_type")
-    return kind.refused(f"is {brief(kind.value)}, which is not known here", "unknown_type")
+        told = "is missing"
+        if channel == "msg" and is_init_packet(message.value):
+            told += f", as in an init packet, which belongs on the IPC channel: {SWAPPED}"
+        return kind.refused(told, "unknown_type")
+    told = "is not known here"
+    places = _MESSAGES.get(str(kind.value), {}).get("channels", ())
+    if places and channel not in map(_CHANNELS.get, places):
+        told = f"belongs on the {_NAMES[places[0]]} channel: {SWAPPED}"
+    return kind.refused(f"is {brief(kind.value)}, which {told}", "unknown_type")

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import deque
 
 from splatbus_schemas import FRAMING, LIMITS
+from splatbus_schemas.first_bytes import recognised
 
 from splatbus_wire.errors import FramingError, ProtocolError
 
 _HEADER_BYTES: int = FRAMING["length"]["bytes"]
 _BYTE_ORDER = FRAMING["length"]["byteOrder"]
-_OF_HTTP = (b"GET ", b"POST", b"HEAD", b"PUT ", b"OPTI", b"CONN", b"PRI ", b"HTTP")
+_LOOKED_AT = 4096
+"""Bytes of a stream that is none of ours, to say what it is."""
 MIN_PAYLOAD_BYTES: int = LIMITS["min_payload_bytes"]
 MAX_PAYLOAD_BYTES: int = LIMITS["max_payload_bytes"]
 
@@ -60,7 +62,9 @@ class PacketDecoder:
             body = start + _HEADER_BYTES
             length = int.from_bytes(stream[start:body], _BYTE_ORDER)
             if not MIN_PAYLOAD_BYTES <= length <= MAX_PAYLOAD_BYTES:
-                self.error = _bad_header(length, self.offset + start)
+                self.error = _bad_header(
+                    length, self.offset + start, bytes(stream[start : start + _LOOKED_AT])
+                )
                 unfinished.clear()
                 return
             end = body + length
@@ -95,25 +99,21 @@ class PacketDecoder:
         return bool(self.unfinished)
 
 
-def guess(stream: bytes) -> str:
-    """What else a peer seems to speak, as the end of a sentence; empty where nothing seems so.
+def seems(stream: bytes) -> str:
+    """What a peer seems to speak instead, as the end of a sentence; empty where nothing seems so.
 
     Args:
         stream: from the beginning of a packet.
     """
-    if stream[:2] == b"\x16\x03":
-        return "; it looks like TLS, which is not spoken here: tunnel it (ssh -L)"
-    if stream[:4] in _OF_HTTP:
-        return "; it looks like HTTP, which is not spoken here"
-    return ""
+    known = recognised(stream)
+    return f"; {known}" if known else ""
 
 
-def _bad_header(length: int, offset: int) -> FramingError:
-    seems = guess(length.to_bytes(_HEADER_BYTES, _BYTE_ORDER))
+def _bad_header(length: int, offset: int, stream: bytes) -> FramingError:
     return FramingError(
         "packet_too_large" if length else "malformed_packet",
         f"a header announces {length} bytes; {MIN_PAYLOAD_BYTES} to {MAX_PAYLOAD_BYTES} are"
-        f" allowed, and nothing after it can be trusted{seems}",
+        f" allowed, and nothing after it can be trusted{seems(stream)}",
         requirement="FRM-3",
         offset=offset,
     )

@@ -53,18 +53,25 @@ def settings(
         least_port: 0 where the system may choose one, as for a server.
 
     Raises:
-        ValueError: a port or the token is out of its range; the message names the variable that
-            it came from, if it did.
+        ValueError: a port or the token is out of its range, or both ports are one; the message
+            names the variable that it came from, if it did.
     """
     token = token or environment.get(TOKEN_VARIABLE) or None
     if token is not None and len(token) > LIMITS["max_token_chars"]:
         raise ValueError(f"a token has at most {LIMITS['max_token_chars']} characters [NEG-2]")
-    return Settings(
+    chosen = Settings(
         host or environment.get(_HOST["environment"]) or _HOST["value"],
         _port(ipc_port, _CHANNELS["ipc"], environment, least_port),
         _port(message_port, _CHANNELS["message"], environment, least_port),
         token,
     )
+    if chosen.ipc_port == chosen.message_port != 0:
+        raise ValueError(
+            f"both channels have port {chosen.ipc_port}: each has one of its own, such as "
+            f"{_CHANNELS['ipc']['defaultPort']} (IPC) and {_CHANNELS['message']['defaultPort']} "
+            "(message) [CHN-1]"
+        )
+    return chosen
 
 
 def read_token(path: Path) -> str:

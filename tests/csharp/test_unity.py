@@ -12,6 +12,7 @@ from tests.csharp.unity_stub.building import STUB, UNITY, asmdefs, mcs, refers_t
 from tests.csharp.unity_stub.metas import PACKAGE, assets, meta, text
 from tests.csharp.unity_stub.running import (
     IN_UNITY,
+    SETTING,
     Renderer,
     check_matrices,
     component,
@@ -20,6 +21,7 @@ from tests.csharp.unity_stub.running import (
     wire_pose,
 )
 from tests.engines import shading
+from tests.engines.judging import check_conforms
 from tests.engines.stage import HEIGHT, WIDTH, serving
 from tests.waiting import eventually
 
@@ -287,3 +289,8 @@ def test_a_refresh_leaves_no_garbage(driver: Path) -> None:
         component(driver, where | SMALL_NURSERY, "object default 1 2 3 0 0 0 1 1 1 1") as ask,
     ):
         assert ask(f"frames {FRAMES}") == {"collections": 0}
+
+
+@pytest.mark.apart
+def test_the_harness_judges_it_as_a_strangers_client(driver: Path) -> None:
+    check_conforms(f"mono {driver}", *SETTING, "enable")

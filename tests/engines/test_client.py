@@ -11,6 +11,7 @@ import pytest
 from tests.conformance.harness import run
 from tests.conformance.images.cuda_stand_in.library import library
 from tests.engines.built import Command, built
+from tests.engines.judging import WHOLE_SECONDS, check_conforms
 from tests.engines.stage import HEIGHT, WIDTH, serving
 
 pytestmark = pytest.mark.apart
@@ -23,8 +24,6 @@ SMALL_NURSERY = {"MONO_GC_PARAMS": "nursery-size=64k"}
 With 16k, and such an object a frame, it did not run at all in every fourth process.
 """
 AXES = {"csharp": "unity", "cpp": "unreal"}
-WHOLE_SECONDS = 600
-"""For a verdict on all; `tests long` judges by the longer profiles."""
 
 
 def test_it_conforms(language: str, folder: Path) -> None:
@@ -40,13 +39,8 @@ def test_it_conforms(language: str, folder: Path) -> None:
 
 
 def test_the_viewer_conforms_in_what_an_adapter_does_not_show(language: str, folder: Path) -> None:
-    """It sends poses unasked, and has words for each event. The client inside is judged above."""
-    about = (*("CTL-6", "NEG-5", "NEG-9"), *("CHN-19", "CHN-20", "INI-13", "NEG-24", "JSN-9"))
-    command = " ".join(built(language, "Viewer", folder))
-    words = ("client", "--launch", command, "--select", ",".join(about), "--profile", "brief")
-    status, told = run(*words, "--shrink", "0", limit=WHOLE_SECONDS)
-    assert status == 0, told
-    assert f"\nconforming at L1: {len(about)} of " in told
+    """It sends poses unasked, and has words for each event."""
+    check_conforms(" ".join(built(language, "Viewer", folder)))
 
 
 def test_a_stream_of_the_programs_own_reads_what_is_lent(cpp_adapter: Command) -> None:

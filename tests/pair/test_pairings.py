@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+import splatbus_client
 from splatbus_client import Pose
 from splatbus_schemas import names
 
@@ -40,3 +41,15 @@ def test_a_deployed_client_is_served_by_1_1(name: str) -> None:
         assert eventually(lambda: bus.statistics.poses_received), "a pose"
     found = tap.judged()
     assert [f for f in found.of("server") if f.broken] == []
+
+
+def test_swapped_ports_are_suspected_at_both_ends(caplog: pytest.LogCaptureFixture) -> None:
+    with serving(painter()) as (bus, _):
+        ports = bus.address.message_port, bus.address.ipc_port
+        with splatbus_client.connect(None, *ports) as session:
+            assert eventually(lambda: "two ports swapped?" in (session.status.no_images or ""))
+            asked = "which belongs on the message channel: are the two ports swapped?"
+            with pytest.raises(TimeoutError):
+                session.viewport_size(0.1)
+            assert eventually(lambda: asked in (session.status.message.problem or ""))
+    assert "grants none of host_shm, frames, " in caplog.text

@@ -3,8 +3,8 @@
 import json
 
 import pytest
-from splatbus_conformance.wire.first_bytes import astray, recognised
 from splatbus_conformance.wire.packets import Splitter, packet
+from splatbus_schemas.first_bytes import astray, recognised
 
 TEXT = json.dumps({"type": "get_viewport_size"}).encode()
 HEADERS = b"\r\nHost: localhost\r\n"
@@ -34,6 +34,10 @@ def refused(stream: bytes) -> bytes:
         (b"Content-Length: 29\r\n\r\n" + TEXT, "a header of text"),
         (b"GET / HTTP/1.1" + HEADERS, "this is HTTP"),
         (b"GET / HTTP/1.1" + HEADERS + b"Upgrade: websocket\r\n\r\n", "opens a WebSocket"),
+        (b"HTTP/1.1 400 Bad Request\r\nServer: nginx/1.2\r\n", "a web server, nginx/1.2"),
+        (b"RTSP/1.0 400 Bad Request\r\n", "the answer of a web server, and"),
+        (b"<!DOCTYPE html>\n<html>", "a page of a web server"),
+        (b"SSH-2.0-OpenSSH_9.2\r\n", "an SSH server"),
         (HELLO_OF_TLS, "first message of TLS"),
         (b"\xff\xff\xff\xff", ""),
     ],

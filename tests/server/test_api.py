@@ -6,7 +6,8 @@ import errno
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -249,22 +250,52 @@ def test_no_memory_is_left_behind() -> None:
 
 def test_a_taken_port_is_named_and_nothing_is_left_open(bus: splatbus_server.Bus) -> None:
     taken = bus.address.message_port
-    with pytest.raises(OSError, match=f"cannot listen on 127.0.0.1:{taken}"):
+    told = f"cannot listen on 127.0.0.1:{taken}: another server listens there, splatbus-server "
+    with pytest.raises(OSError, match=told):
         splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=taken)
 
 
+def place(bus: splatbus_server.Bus) -> Path:
+    """Where the memory is that it announces."""
+    return Path("/dev/shm", bus._exchange.memory.init_packet.memory.name)  # type: ignore[union-attr]
+
+
 @on_linux
+@pytest.mark.parametrize("is_told", [False, True])
+def test_memory_whose_name_is_gone_is_made_anew_for_who_comes_next(
+    bus: splatbus_server.Bus, reader: Reader, is_told: bool
+) -> None:
+    """Of a scene at rest, and for who has the former open too; and where it is gone by the time
+    that a client which was told of it opens it.
+    """
+    publish(bus, reader, RGB, DEPTH)
+    if not is_told:
+        place(bus).unlink()
+    with Reader(bus.address.ipc_port) as other:
+        if is_told:
+            assert (other.receive() or {})["generation"] == 1
+            place(bus).unlink()
+            other.send({"type": "open_failed", "generation": 1, "reason": "no such memory"})
+        for each in (reader, other):
+            assert each.open()["generation"] == 2
+        reader.send({"type": "closed", "generation": 1})
+        assert np.array_equal(publish(bus, other, RGB, DEPTH)[1], DEPTH)
+
+
+@on_linux
+@pytest.mark.parametrize("take", [partial(os.truncate, length=0), os.unlink])
 @pytest.mark.parametrize("is_full", [False, True])
-def test_memory_that_another_program_cuts_short_costs_one_image(
+def test_memory_that_another_program_takes_away_costs_one_image(
     bus: splatbus_server.Bus,
     reader: Reader,
     caplog: pytest.LogCaptureFixture,
     monkeypatch: pytest.MonkeyPatch,
     is_full: bool,
+    take: Callable[[Path], None],
 ) -> None:
     """To write there would end the process by a signal; nor does the renderer learn of it."""
     view, memory = next_view(bus), bus._exchange.memory
-    os.truncate(f"/dev/shm/{memory.init_packet.memory.name}", 0)  # type: ignore[union-attr]
+    take(place(bus))
 
     def full(width: int, height: int) -> NoReturn:
         raise OSError(errno.ENOSPC, "shared memory is full")
@@ -275,7 +306,8 @@ def test_memory_that_another_program_cuts_short_costs_one_image(
             bus.publish(view, RGB, DEPTH)
         assert "shared memory is full: no image goes on" in caplog.text
     bus.publish(view, RGB, DEPTH)
-    assert "cut the memory of generation 1 short" in caplog.text
+    assert "another program has taken away the " in caplog.text
+    assert "It was announced to raw 0. What" in caplog.text
     reader.open()
     reader.send({"type": "closed", "generation": 1})
     assert np.array_equal(publish(bus, reader, RGB, DEPTH)[1], DEPTH)

@@ -69,9 +69,9 @@ def test_others_of_this_user_read_what_is_written_and_nobody_else_can(prefix):
         path = DIRECTORY / segment.name
         assert path.read_bytes()[:5] == b"hello"
         assert path.stat().st_mode & 0o777 == 0o400
-        assert segment.is_whole()
+        assert segment.taken() == ""
         os.truncate(path, 4095)
-        assert not segment.is_whole()
+        assert segment.taken() == f"the end of {path}"
         os.truncate(path, 4096)
         assert path.stat().st_blocks * 512 >= 4096
 

@@ -66,12 +66,17 @@ class Drawn(Renderer):
         )
 
 
+SETTING = (
+    *(f"screen {WIDTH} {HEIGHT}", f"lens 60 {NEAR}", f"set FarPlane {FAR}"),
+    Eye().command,
+)
+
+
 @contextmanager
 def view(driver: Path, where: dict[str, str], *first: str) -> Iterator[Ask]:
     """A view that plays, and how it is asked one command after the other."""
-    setting = (f"screen {WIDTH} {HEIGHT}", f"lens 60 {NEAR}", f"set FarPlane {FAR}")
     with asked([str(driver)], where) as ask:
-        for command in (*setting, Eye().command, *first, "begin"):
+        for command in (*SETTING, *first, "begin"):
             ask(command)
         yield ask
         ask("end")

@@ -14,11 +14,12 @@ from splatbus_wire.poses import Pose
 from tests.conformance.images.cuda_stand_in.library import stand_in
 from tests.csharp.unity_stub.running import rendered, stepped
 from tests.engines import shading
+from tests.engines.judging import check_conforms
 from tests.engines.stage import HEIGHT, WIDTH, serving
 from tests.peers.fake_server import FakeServer
 from tests.unreal import building
 from tests.unreal.building import MODULE, PLUGIN, SHADERS, headers, sources
-from tests.unreal.running import FAR, NEAR, Drawn, Eye, check_drawn, view
+from tests.unreal.running import FAR, NEAR, SETTING, Drawn, Eye, check_drawn, view
 from tests.waiting import eventually
 
 OFF_THE_MIDDLE = Intrinsics(50.0, 40.0, 20.0, 10.0)
@@ -317,3 +318,8 @@ def test_images_are_let_go_with_their_server(driver: Path) -> None:
     assert state["projection"][2] == 0
     assert "color" not in state
     playing.__exit__(None, None, None)
+
+
+@pytest.mark.apart
+def test_the_harness_judges_it_as_a_strangers_client(driver: Path) -> None:
+    check_conforms(str(driver), *SETTING, "begin")

@@ -151,6 +151,7 @@ def test_a_type_that_is_not_spoken_there_is_unknown(decode, kind, requirement):
     error = refusal(decode, payload(POSE | more | {"type": kind}))
     assert (error.code, error.requirement) == ("unknown_type", requirement)
     assert error.pointer == "/type"
+    assert ("ports swapped?" in str(error)) is (decode is on_ipc or kind == "opened")
     assert len(str(error)) < 200
 
 

@@ -35,9 +35,10 @@ def test_a_bad_port_is_refused_by_the_name_of_its_variable(port):
         settings(environment={"SPLATBUS_IPC_PORT": port})
 
 
-def test_a_bad_port_that_was_given_is_refused():
-    with pytest.raises(ValueError, match="70000"):
-        settings(ipc_port=70000, environment={})
+@pytest.mark.parametrize("ports", [(70000, 1), (7, 7)])
+def test_a_bad_port_that_was_given_is_refused(ports):
+    with pytest.raises(ValueError, match=f"{ports[0]}"):
+        settings(None, *ports, environment={})
 
 
 def test_a_token_that_no_hello_can_carry_is_refused():

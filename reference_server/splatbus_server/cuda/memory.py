@@ -219,6 +219,10 @@ class DeviceMemory:
             if not api.cuEventQuery(self._events[slot])[0]:
                 del self._in_use[slot]
 
+    def taken(self) -> str:
+        """Nothing: memory on a GPU is its owner's."""
+        return ""
+
     def free_bytes(self) -> int:
         """How much more memory the GPU has."""
         with self._device.current():

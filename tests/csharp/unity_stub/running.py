@@ -18,6 +18,7 @@ from tests.waiting import eventually
 
 IN_UNITY = "0.5 1.25 -4 0.1 0.2 0.3 0.9273618"
 """Position and rotation of a camera."""
+SETTING = (f"screen {WIDTH} {HEIGHT}", "lens 60 0.25 500", f"camera {IN_UNITY}")
 Ask = Callable[[str], State]
 
 
@@ -30,9 +31,8 @@ def wire_pose(unity: str, unit: float = 1) -> Pose:
 @contextmanager
 def component(driver: Path, where: dict[str, str], *first: str) -> Iterator[Ask]:
     """A SplatBusView, enabled, and how it is asked one command after the other."""
-    setting = (f"screen {WIDTH} {HEIGHT}", "lens 60 0.25 500", f"camera {IN_UNITY}")
     with asked(["mono", str(driver)], where) as ask:
-        for command in (*setting, *first, "enable"):
+        for command in (*SETTING, *first, "enable"):
             ask(command)
         yield ask
         ask("disable")

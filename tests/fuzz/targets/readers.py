@@ -13,7 +13,8 @@ from splatbus_conformance.cases import script as scripts
 from splatbus_conformance.observe.audit import audit
 from splatbus_conformance.plan import Usage
 from splatbus_conformance.reports.files import stored
-from splatbus_conformance.wire import first_bytes, json_reading, packets, recording
+from splatbus_conformance.wire import json_reading, packets, recording
+from splatbus_schemas import first_bytes
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.framing import PacketDecoder
 from splatbus_wire.json_text import parse_object

@@ -89,10 +89,16 @@ class Memory:
             )
         self.init_packet = packet
         store.made[self.name] = self
+        self.is_gone = False
 
     def successor(self, width: int, height: int) -> Memory:
         """Memory for images of another size, the next generation."""
         return Memory(self.store, self.kind, width, height, self.readers, self.generation + 1)
+
+    def taken(self) -> str:
+        """Its name goes at times, and does not come back."""
+        self.is_gone |= self.kind == "host_shm" and self.store.world.chance(0.003)
+        return "its name" if self.is_gone else ""
 
     def free_bytes(self) -> int:
         """How much more there is: enough."""
@@ -129,7 +135,7 @@ class Images:
     def __init__(self, store: Store, packet: InitPacket) -> None:
         self.world = store.world
         self.memory = store.find(packet)
-        if self.world.chance(0.03):
+        if self.memory.is_gone or self.world.chance(0.03):
             raise CannotOpenError("of no reason")
         self.generation = packet.generation or 0
         self.semantics = packet.semantics or Semantics()

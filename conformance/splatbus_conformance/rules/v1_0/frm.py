@@ -3,9 +3,10 @@
 import math
 from collections.abc import Iterator
 
+from splatbus_schemas.first_bytes import astray, recognised
+
 from splatbus_conformance.rules import Breach, Sighting, about, rule
 from splatbus_conformance.wire.conversation import SENDER, Conversation
-from splatbus_conformance.wire.first_bytes import astray, recognised
 from splatbus_conformance.wire.json_reading import read
 from splatbus_conformance.wire.packets import HEADER, Splitter
 from splatbus_conformance.wire.recording import Direction

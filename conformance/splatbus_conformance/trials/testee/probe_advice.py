@@ -6,8 +6,9 @@ Functions from what was seen to sentences.
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from splatbus_schemas.first_bytes import astray, cut_short, recognised
+
 from splatbus_conformance.trials.testee.process import Testee
-from splatbus_conformance.wire.first_bytes import astray, cut_short, recognised
 from splatbus_conformance.wire.json_values import strings
 from splatbus_conformance.wire.message_kinds import CAPABILITIES, CLIENT_1_0, INIT_MEMBERS
 from splatbus_conformance.wire.messages import Json

@@ -303,6 +303,8 @@ class Client {
       is_ipc_known_ = true;
       ipc_.settled();
       tell(Connected{ChannelName::ipc, session.welcome}, "");
+      const char* doubt = session.welcome && session.welcome->capabilities.empty() ? negotiation::grants_nothing : nullptr;
+      if (doubt != nullptr) tell(Problem{ChannelName::ipc, doubt}, doubt);
     }
     if (step == IpcStep::announced) {
       shelf_.open(session, wrong);

@@ -80,6 +80,9 @@ namespace SplatBus
             };
         }
 
+        internal const string GrantsNothing =
+            "the server grants nothing that is done on the IPC channel: are the two ports swapped?";
+
         internal static bool Lists(Welcome welcome, string capability)
         {
             return welcome != null && Array.IndexOf(welcome.Capabilities, capability) >= 0;

@@ -241,6 +241,8 @@ namespace SplatBus
                 isIpcKnown = true;
                 ipc.Settled();
                 Tell(new ConnectedEvent(ChannelName.Ipc, ipcSession.Welcome), null);
+                bool isGranted = ipcSession.Welcome == null || ipcSession.Welcome.Capabilities.Length > 0;
+                if (!isGranted) Tell(new ProblemEvent(ChannelName.Ipc, Negotiation.GrantsNothing), Negotiation.GrantsNothing);
             }
             if (step == IpcStep.Announced)
             {

@@ -118,5 +118,8 @@ inline bool lists(const std::optional<Welcome>& welcome, std::string_view capabi
   return std::find(all.begin(), all.end(), capability) != all.end();
 }
 
+inline constexpr const char* grants_nothing =
+    "the server grants nothing that is done on the IPC channel: are the two ports swapped?";
+
 }  // namespace negotiation
 }  // namespace splatbus
