@@ -128,7 +128,10 @@ class Session:
             return self.answer(connection, message, now)
         self.has_news = True
         if isinstance(message, Hello):
-            return self.greet(connection, message, now)
+            refusal = self.greet(connection, now)
+            if connection in self.readers:
+                self.readers[connection].program = " ".join(message.client)
+            return refusal
         if isinstance(message, (Opened, OpenFailed, Closed)):
             return self.take_answer(connection, message)
         if isinstance(message, Release):
@@ -257,7 +260,7 @@ class Session:
             return Refusal("busy", "memory of the former size is in use [VPT-4]")
         return None
 
-    def greet(self, connection: Connection, hello: Hello, now: float) -> Refusal | None:
+    def greet(self, connection: Connection, now: float) -> Refusal | None:
         """Takes an IPC client that can open the memory [NEG-11, CHN-5] for a reader."""
         is_reader = connection.has("host_shm") or self.exchange.memory.kind == "cuda_ipc"
         if connection.channel != "ipc" or not is_reader:
@@ -268,8 +271,7 @@ class Session:
             refusal = connection.complain(Refusal("too_many_clients", reason))
             connection.end(reason, now)
             return refusal
-        reader = self.readers.setdefault(connection, Reader())
-        reader.program, reader.is_let_in = " ".join(hello.client), connection.has("frames")
+        self.readers.setdefault(connection, Reader()).is_let_in = connection.has("frames")
         return None
 
     def announce(

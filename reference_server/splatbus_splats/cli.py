@@ -13,6 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from splatbus_renderer import cli as spheres
 from splatbus_schemas import LIMITS
 from splatbus_server.api import Bus, serve
@@ -21,10 +22,12 @@ from splatbus_wire.messages import SceneObject
 from splatbus_wire.poses import Pose
 from splatbus_wire.settings import read_token
 
-from splatbus_splats.beginning import before, lens_of, reaching
+from splatbus_splats.beginning import UPWARDS, USUAL_UP, before, lens_of, reaching
 from splatbus_splats.drawing import gpu
 from splatbus_splats.drawing.skips import MEANINGS, USUAL, Skip, named
 from splatbus_splats.files.cameras import Camera, read_cameras
+from splatbus_splats.files.read import origin_of, up_of
+from splatbus_splats.gaussians import Vector
 from splatbus_splats.loading import (
     Loaded,
     Progress,
@@ -56,6 +59,7 @@ examples:
   splatbus-server walk --rate 25              a folder of numbered files, 25 a second
   splatbus-server dance.ply --seconds 10      Gaussians that live in time, for 10 seconds
   splatbus-server scene.ply --cameras cameras.json --size 1280x720
+  splatbus-server scan.ply --up z             of what was not trained with y down
   splatbus-server --ipc-port 0 --msg-port 0   let the system choose; the ready line says which
   splatbus-server --turntable 20              spheres that turn
   splatbus-server --host 0.0.0.0 --token-file ~/.splatbus-token
@@ -96,7 +100,7 @@ def main(argv: list[str] | None = None) -> int:
     arguments = parser()
     options = arguments.parse_intermixed_args(argv)
     if not options.files:
-        for name in ("cameras", "rate", "seconds", "skips", "cpu"):
+        for name in ("cameras", "rate", "seconds", "skips", "cpu", "up"):
             if getattr(options, name) is not None:
                 arguments.error(f"--{name} is for files of Gaussians, and none is given")
         return spheres.main(argv)
@@ -147,6 +151,13 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--cameras", type=Path, metavar="JSON", help="of 3DGS; the view begins there"
     )
+    parser.add_argument(
+        "--up",
+        choices=UPWARDS,
+        metavar="AXIS",
+        help=f"which is upwards, such as z; without cameras the view begins so ({USUAL_UP}, or as "
+        "the file says); --up=-z for one that points down",
+    )
     parser.add_argument("--rate", type=spheres.rate, help=f"files a second, of a folder ({RATE:g})")
     parser.add_argument(
         "--cpu",
@@ -191,12 +202,21 @@ def _serve(options: argparse.Namespace) -> int:
     if options.skips is None:
         options.skips = USUAL
     rate, seconds = options.rate or RATE, options.seconds or SECONDS
-    objects = loaded(sources, rate, seconds, None if options.quiet else _progress())
+    first = sources[0].files[0]
+    origin = origin_of(first)
+    progress = None if options.quiet else _progress()
+    objects = loaded(sources, rate, seconds, progress, origin)
     summary = [_summary(name, each) for name, each in objects.items()]
+    doubts = [f"{each.label}: {doubt}" for each in objects.values() for doubt in each.doubts]
     if not any(each.part.most for each in objects.values()):
         raise ValueError(f"there is nothing to show: {', '.join(summary)}")
     scene = scene_of(objects)
-    cameras, lens, why = _beginning(taken, where, scene, size)
+    up = options.up or up_of(first) or USUAL_UP
+    cameras, lens, why = _beginning(_counted_from(origin, taken), where, scene, size, up)
+    if origin.any():
+        summary.append(f"positions are counted from {tuple(origin.tolist())}, the scene's origin")
+    for doubt in doubts:
+        print(f"{NAME}: {doubt}", file=sys.stderr)
     if not options.quiet:
         for each in summary:
             print(each, file=sys.stderr)
@@ -212,7 +232,7 @@ def _serve(options: argparse.Namespace) -> int:
             *size,
             intrinsics=lens,
             cameras=cameras,
-            semantics=SEMANTICS,
+            semantics=SEMANTICS._replace(origin=tuple(origin.tolist())),
             objects=[
                 SceneObject(name, told(each.label), each.part.most, each.part.bounds)
                 for name, each in objects.items()
@@ -295,8 +315,16 @@ def _cameras(first: Source, given: Path | None) -> tuple[list[Camera], str]:
         return [], f"the one near the file is not used ({error})"
 
 
+def _counted_from(origin: Vector, cameras: list[Camera]) -> list[Camera]:
+    moved = []
+    for each in cameras:
+        position = tuple((np.array(each.pose.position) - origin).tolist())
+        moved.append(each._replace(pose=each.pose._replace(position=position)))
+    return moved
+
+
 def _beginning(
-    taken: list[Camera], where: str, scene: Scene, size: tuple[int, int]
+    taken: list[Camera], where: str, scene: Scene, size: tuple[int, int], up: str
 ) -> tuple[list[Pose], Intrinsics, str]:
     """Where cameras are, the lens of the first, and where that is and why, in words."""
     if taken:
@@ -307,16 +335,16 @@ def _beginning(
         )
         lens = reaching(lens_of(camera, *size), camera.pose.position, scene.bounds)
         return [each.pose for each in taken], lens, why
-    pose, lens = before(scene, *size)
+    pose, lens = before(scene, *size, up)
     why = (
-        f"at {_point(pose.position)} and looks along +z, with the middle of the scene in view:"
+        f"at {_point(pose.position)}, with {up} upwards and the middle of the scene in view:"
         f" {where}"
     )
     return [pose], lens, why
 
 
 def _summary(name: str, object_: Loaded) -> str:
-    label, part, left_out = object_
+    label, part, left_out, _ = object_
     box = part.bounds
     where = f", from {_point(box.min)} to {_point(box.max)}" if box else ""
     without = "".join(f"; {count:,} left out: {why}" for why, count in left_out.items())

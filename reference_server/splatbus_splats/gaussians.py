@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.messages import Box
 
 Floats = NDArray[np.float32]
+Vector = NDArray[np.float64]
+NO_ORIGIN: Vector = np.zeros(3)
 
 COEFFICIENTS = (1, 4, 9, 16)
 """How many harmonics a channel has, by their degree."""
@@ -55,6 +58,11 @@ class Gaussians:
             return None
         (a, b, c), (d, e, f) = self.means.min(axis=0).tolist(), self.means.max(axis=0).tolist()
         return Box((a, b, c), (d, e, f))
+
+
+def counted_from(origin: Vector, points: NDArray[np.floating[Any]]) -> Floats:
+    """(N, 3): points as they lie from there, subtracted before they are rounded."""
+    return (points - origin).astype(np.float32)
 
 
 def empty(count: int, coefficients: int) -> Gaussians:

@@ -12,7 +12,7 @@ from splatbus_wire.messages import DEFAULT_OBJECT
 from splatbus_wire.parts import MAX_NAME_CHARS
 
 from splatbus_splats.files.read import read, sequence
-from splatbus_splats.gaussians import curve
+from splatbus_splats.gaussians import NO_ORIGIN, Vector, curve
 from splatbus_splats.scene import Clip, Frames, Part, Scene
 
 Progress = Callable[[Path, int, int, float], None]
@@ -39,6 +39,8 @@ class Loaded(NamedTuple):
     part: Part
     left_out: Counter[str]
     """How many Gaussians are not in it, by what is wrong with them."""
+    doubts: dict[str, None]
+    """What may be wrong with all that are in a file of it."""
 
 
 def source(path: Path) -> Source:
@@ -68,6 +70,7 @@ def loaded(
     rate: float,
     seconds: float,
     progress: Progress | None = None,
+    origin: Vector = NO_ORIGIN,
 ) -> dict[str, Loaded]:
     """The objects by their ids, their Gaussians in the order of `gaussians.curve`.
 
@@ -76,6 +79,7 @@ def loaded(
         rate: files a second, in sequences.
         seconds: length of clips, of Gaussians that live in time.
         progress: is told how far it is.
+        origin: from where positions are counted.
 
     Raises:
         ValueError: a file is none of Gaussians, or one that cannot be part of a sequence.
@@ -84,7 +88,7 @@ def loaded(
     whole = sum(len(each.files) for each in sources)
     objects, number = {}, 0
     for name, (label, _, files) in zip(ids([each.stem for each in sources]), sources):
-        frames, left_out = [], Counter[str]()
+        frames, left_out, doubts = [], Counter[str](), dict[str, None]()
         for path in files:
             number += 1
 
@@ -92,21 +96,24 @@ def loaded(
                 if progress is not None:
                     progress(path, number, whole, (number - 1 + done / count) / whole)
 
-            gaussians, without, motion = read(path, tell)
+            gaussians, without, motion, doubtful = read(path, tell, origin)
+            doubts.update(dict.fromkeys(doubtful))
             order = curve(gaussians.means)
             gaussians = gaussians[order]
             left_out.update(without)
             if motion is None:
                 frames.append(gaussians)
             elif len(files) == 1:
-                objects[name] = Loaded(label, Clip(gaussians, motion[order], seconds), left_out)
+                objects[name] = Loaded(
+                    label, Clip(gaussians, motion[order], seconds), left_out, doubts
+                )
             else:
                 raise ValueError(
                     f"{path}: Gaussians that live in time cannot be one file of a sequence:"
                     " serve the file by itself"
                 )
         if frames:
-            objects[name] = Loaded(label, Frames(tuple(frames), rate), left_out)
+            objects[name] = Loaded(label, Frames(tuple(frames), rate), left_out, doubts)
     return objects
 
 

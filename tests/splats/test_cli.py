@@ -141,7 +141,7 @@ def test_cameras_nearby_that_are_others_are_said_and_left(tmp_path: Path) -> Non
         _, log = server.process.communicate(timeout=SECONDS)
     assert server.process.returncode == 0
     assert f"the one near the file is not used ({tmp_path / 'cameras.json'}: no list" in log
-    assert re.search(r"view begins at \(.*\) and looks along \+z, with the middle of the", log)
+    assert re.search(r"view begins at \(.*\), with -y upwards and the middle of the", log)
 
 
 def test_the_spheres_need_no_extra_and_files_say_which(files: list[Path]) -> None:
@@ -247,7 +247,7 @@ def test_what_stands_in_the_way_of_serving_is_said(
     with taken:
         port = f"{taken.getsockname()[1]}"
         assert main([*words, "--ipc-port", port, "--msg-port", "0"]) == 1
-    assert "already in use" in capsys.readouterr().err
+    assert "another program listens there" in capsys.readouterr().err
     monkeypatch.setattr(cli, "serve", Mock(side_effect=[OSError("no such memory"), "a bus"]))
     options = parser().parse_args([str(files[1]), "--skips", "usual"])
     assert cli._served(options, None, scene_of({}), 32, 24)[0] == "a bus"

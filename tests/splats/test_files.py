@@ -17,7 +17,16 @@ from hypothesis import strategies as st
 from splatbus_splats.files import container, ply, splat
 from splatbus_splats.files.cameras import read_cameras
 from splatbus_splats.files.header import TYPES, read_header
-from splatbus_splats.files.read import BRIGHTEST, STEP, read, sequence
+from splatbus_splats.files.read import (
+    ACTIVATED,
+    BRIGHTEST,
+    INVISIBLE,
+    STEP,
+    origin_of,
+    read,
+    sequence,
+    up_of,
+)
 from splatbus_splats.gaussians import Gaussians
 
 from tests.splats.shots import cloud, drawn, view_of
@@ -59,7 +68,7 @@ def test_a_vertex_means_what_3dgs_means(tmp_path: Path, text: bool, order: str) 
         1, 9, x=1, y=2, z=3, f_dc_0=0.1, f_dc_1=0.2, f_dc_2=0.3, opacity=math.log(3), scale_0=0,
         scale_1=math.log(2), scale_2=-math.inf, rot_0=2e-20, rot_1=0, rot_2=0, rot_3=-2e-20, **rest,
     )  # fmt: skip
-    found, left_out, _ = read(saved(tmp_path / "a.ply", table, text, order))
+    found, left_out, *_ = read(saved(tmp_path / "a.ply", table, text, order))
     assert not left_out
     np.testing.assert_array_equal(found.means, [[1, 2, 3]])
     np.testing.assert_allclose(found.opacities, [0.75], rtol=1e-6)
@@ -74,7 +83,7 @@ def test_a_vertex_means_what_3dgs_means(tmp_path: Path, text: bool, order: str) 
 def test_what_is_written_is_read_again_by_us_and_by_plyfile(tmp_path: Path, degree: int) -> None:
     scene = cloud(STEP + 3 if degree == 0 else 300, degree)
     ply.write(tmp_path / "a.ply", scene)
-    found, left_out, _ = read(tmp_path / "a.ply")
+    found, left_out, *_ = read(tmp_path / "a.ply")
     assert not left_out
     np.testing.assert_array_equal(found.means, scene.means)
     np.testing.assert_array_equal(found.coefficients, scene.coefficients)
@@ -92,7 +101,7 @@ def test_a_splat_is_read(tmp_path: Path) -> None:
     record["scale"][1, 2] = -1
     record["turn"][2] = 128
     record.tofile(tmp_path / "a.splat")
-    found, left_out, _ = read(tmp_path / "a.splat")
+    found, left_out, *_ = read(tmp_path / "a.splat")
     assert left_out == {"scale negative": 1, "quaternion zero": 1}
     np.testing.assert_array_equal(found.means, [[1, 2, 3]])
     np.testing.assert_array_equal(found.scales, [[0.5, 0, 4]])
@@ -122,7 +131,7 @@ def test_what_is_no_gaussian_is_left_out_and_counted(tmp_path: Path) -> None:
     table["opacity"][STEP + 4 : STEP + 6] = math.inf, -math.inf
     table["rot_0"][STEP + 1] = math.nan
     table["f_dc_1"][STEP + 2] = 1e300  # which single precision cannot hold
-    found, left_out, _ = read(saved(tmp_path / "a.ply", table))
+    found, left_out, *_ = read(saved(tmp_path / "a.ply", table))
     more = {"quaternion not finite": 2, "harmonics not finite": 2}
     assert left_out == dict.fromkeys(BAD, 1) | more
     bad = {2 * place + 1 for place in range(len(BAD))} | {STEP + 1, STEP + 2}
@@ -324,6 +333,11 @@ REST = " properties f_rest_*, where there are 0, 9, 24, 45"
         ("a.splat", b"ply\n" + bytes(60), "it is a .ply"),
         ("a.splat", b"\x89PNG" + bytes(60), "it is a PNG"),
         ("a.splat", b"PK\x03\x04" + bytes(60), "it is an archive"),
+        ("a.ply", b"version https://git-lfs.github.com/spec/v1\noid", "git lfs pull"),
+        ("a.splat", b"\n<!DOCTYPE html>", "it is a page of the web"),
+        ("a.ply", b"\x1f\x8b\x08" + bytes(9), "packed by gzip, as .spz is: unpack it"),
+        ("a.ply", bytes(257) + b"ustar", "it is an archive (tar)"),
+        ("scene.glb", b"glTF" + bytes(60), "it is a glTF: export"),
         ("a.ply", POINTS, "no property f_dc_0, "),
         ("a.ply", POINTS, "it is a mesh or a cloud of points"),
         ("a.ply", np.zeros(3, [("packed_position", "u4")]), "it is a compressed one"),
@@ -363,8 +377,59 @@ def test_only_numbers_of_vertices_are_gaussians(tmp_path: Path) -> None:
     assert "the property opacity is a list, and not a number" in refused(path)
 
 
+def test_names_are_read_as_cloudcompare_writes_them(tmp_path: Path) -> None:
+    table = vertices(3, x=[1, 2, 3], opacity=-1)
+    table.dtype.names = tuple(n if n in "xyz" else f"scalar_{n}" for n in table.dtype.names or ())
+    assert read(saved(tmp_path / "a.ply", table)).gaussians.means[:, 0].tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("values", "doubts"),
+    [
+        ({"opacity": [-1, 1], "scale_0": -2}, ()),
+        ({each: [0.5, 0.01] for each in ("opacity", *ply.SCALE)}, (ACTIVATED,)),
+        ({"opacity": [-6, -100]}, (INVISIBLE,)),
+    ],
+)
+def test_what_looks_wrong_as_a_whole_is_doubted(
+    tmp_path: Path, values: dict[str, object], doubts: tuple[str, ...]
+) -> None:
+    assert read(saved(tmp_path / "a.ply", vertices(2, **values))).doubts == doubts
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.splat"])
+def test_coordinates_of_maps_are_counted_from_the_middle_before_they_are_rounded(
+    tmp_path: Path, name: str
+) -> None:
+    steps = np.arange(5) / 8192 if name == "a.ply" else np.arange(5) / 2
+    table = np.zeros(5, [(each, "f8" if each in "xyz" else "f4") for each in ply.NEEDED])
+    table["rot_0"], table["x"], table["z"] = 1, 5e5 + steps, 4e6 - steps
+    path = saved(tmp_path / "a.ply", table)
+    if name == "a.splat":
+        rows, path = np.zeros(5, splat.RECORD), tmp_path / name
+        rows["mean"] = np.stack([table[each] for each in ply.PLACE], axis=1)
+        rows["turn"] = 255
+        rows.tofile(path)
+    origin = origin_of(path)
+    assert origin.tolist() == [5e5 + (name == "a.splat"), 0, 4e6 - (name == "a.splat")]
+    means = read(path, None, origin).gaussians.means
+    assert (means[:, 0] == steps - (name == "a.splat")).all()
+    assert (means[:, 2] == (name == "a.splat") - steps).all()
+    table["x"] = table["z"] = steps
+    assert not origin_of(saved(path.with_suffix(".ply"), table)).any()
+
+
+@pytest.mark.parametrize(("comment", "up"), [("Vertical Axis: z", "z"), ("made by hand", "")])
+def test_a_comment_says_what_is_upwards(tmp_path: Path, comment: str, up: str) -> None:
+    path = saved(tmp_path / "a.ply", vertices(1))
+    path.write_bytes(
+        path.read_bytes().replace(b"element", f"comment {comment}\nelement".encode(), 1)
+    )
+    assert up_of(path) == up
+
+
 def test_no_vertices_are_an_empty_scene(tmp_path: Path) -> None:
-    found, left_out, _ = read(saved(tmp_path / "a.ply", vertices(0, 9)))
+    found, left_out, *_ = read(saved(tmp_path / "a.ply", vertices(0, 9)))
     assert (len(found), found.degree, found.bounds, left_out) == (0, 1, None, {})
 
 

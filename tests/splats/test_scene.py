@@ -22,6 +22,7 @@ from splatbus_splats.serving import shown_at
 from splatbus_wire.messages import Box
 from splatbus_wire.parts import MAX_NAME_CHARS
 from splatbus_wire.poses import IDENTITY
+from splatbus_wire.rotations import rotation_matrix
 
 from tests.splats.shots import cloud, some
 from tests.splats.times import ALL, clip, drawn
@@ -75,7 +76,7 @@ def test_what_a_file_lacks_does_not_move(tmp_path: Path, powers: int, turns: boo
     results = []
     for names in (ALL, [name for name in ALL if name not in gone]):
         container.write(tmp_path / "a.ply", table[[*names]])
-        gaussians, _, motion = read(tmp_path / "a.ply")
+        gaussians, _, motion, _ = read(tmp_path / "a.ply")
         assert motion is not None
         results.append(Clip(gaussians, motion, 1.0).at(0.8))
     np.testing.assert_array_equal(results[0].means, results[1].means)
@@ -90,7 +91,7 @@ def test_what_does_not_live_in_time_as_it_should_is_left_out(tmp_path: Path) -> 
     table["omega_3"][3] = math.nan
     table["trbf_scale"][4] = math.inf
     container.write(tmp_path / "a.ply", table)
-    gaussians, left_out, motion = read(tmp_path / "a.ply")
+    gaussians, left_out, motion, _ = read(tmp_path / "a.ply")
     assert left_out == {"time not a number": 2, "motion not finite": 1, "turning not finite": 1}
     np.testing.assert_array_equal(gaussians.means[:, 0], table["x"][4:])
     assert motion is not None
@@ -263,6 +264,26 @@ def test_a_view_of_one_gaussian_is_before_it_and_of_none_at_the_origin() -> None
         pose, found = before(Scene({"default": Frames((each,))}), 64, 48)
         assert pose.position == pytest.approx(place)
         assert found == lens
+
+
+@pytest.mark.parametrize(
+    ("up", "place", "ahead"),
+    [
+        ("z", (1, 1.6, 3), (0, 1, 0)),
+        ("y", (1, 2, 3.4), (0, 0, -1)),
+        ("-x", (1, 2, 3.4), (0, 0, -1)),
+    ],
+)
+def test_a_view_has_upwards_what_is_asked_for(
+    up: str, place: tuple[float, ...], ahead: tuple[float, ...]
+) -> None:
+    one = some([(1, 2, 3)], 0.0)
+    pose, _ = before(Scene({"default": Frames((one,))}), 64, 48, up)
+    assert pose.position == pytest.approx(place)
+    right, down, forward = np.reshape(rotation_matrix(pose.rotation), (3, 3)).T
+    assert forward == pytest.approx(ahead)
+    assert down["xyz".index(up[-1])] == pytest.approx(1 if up[0] == "-" else -1)
+    assert np.cross(right, down) == pytest.approx(forward)
 
 
 def test_a_lens_sees_as_far_as_the_scene_goes() -> None:

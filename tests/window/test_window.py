@@ -237,7 +237,7 @@ def test_the_command_writes_a_picture_and_ends(server: Settings, tmp_path: Path)
 
 
 def test_the_command_gives_up_and_says_why(screen: None, tmp_path: Path) -> None:
-    line = [sys.executable, "-m", "splatbus_viewer", "window", "--ipc-port", "1", "--msg-port", "1"]
+    line = [sys.executable, "-m", "splatbus_viewer", "window", "--ipc-port", "1", "--msg-port", "2"]
     line += ["--screenshot", str(tmp_path / "it.png"), "--timeout", "0.2"]
     done = subprocess.run(line, capture_output=True, text=True, timeout=120)
     assert done.returncode == 1

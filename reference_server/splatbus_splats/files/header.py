@@ -25,6 +25,7 @@ TYPES = {
 CODES = {name: code for code, names in TYPES.items() for name in names}
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 """Formats, and NumPy's sign for their byte order; none for a text."""
+VERTICAL = re.compile(r"vertical axis: ?\+?(-?[xyz])", re.IGNORECASE)
 MOST_LINE_BYTES = 1 << 16
 MOST_BYTES = 1 << 20
 """Of a header: with more it is no header that anybody wrote."""
@@ -56,6 +57,8 @@ class Header(NamedTuple):
     """Of the bytes of a number, "<" or ">"; nothing where numbers are text."""
     elements: list[Element]
     lines: int
+    up: str = ""
+    """Which axis is vertical, upwards, such as "z" or "-y", where a comment says so."""
 
 
 def read_header(file: BinaryIO, path: Path) -> Header:
@@ -68,7 +71,7 @@ def read_header(file: BinaryIO, path: Path) -> Header:
         raise ValueError(f"{path}: no PLY file: its first line is not 'ply'")
     order: str | None = None
     elements: list[Element] = []
-    number = 1
+    number, up = 1, ""
     while True:
         number += 1
         where = f"{path}: line {number}"
@@ -92,12 +95,15 @@ def read_header(file: BinaryIO, path: Path) -> Header:
             if not elements:
                 raise ValueError(f"{where}: a property before the first element")
             elements[-1].properties.append(_property(words, where, elements[-1]))
-        elif keyword not in ("comment", "obj_info"):
+        elif keyword in ("comment", "obj_info"):
+            if told := VERTICAL.fullmatch(" ".join(words)):
+                up = told[1].lower()
+        else:
             shown = " ".join((keyword, *words))[:40]
             raise ValueError(f"{where}: {shown!r} is no line of a header")
     if order is None:
         raise ValueError(f"{where}: the header ends without a format")
-    return Header(order, elements, number)
+    return Header(order, elements, number, up)
 
 
 def _order(words: list[str], where: str) -> str:

@@ -21,13 +21,14 @@ from splatbus_splats.drawing.harmonics import CONSTANT as CONSTANT_HARMONIC
 from splatbus_splats.files import container, spacetime
 from splatbus_splats.files.header import Element, Header, read_header
 from splatbus_splats.files.spacetime import Members, Motion
-from splatbus_splats.gaussians import COEFFICIENTS, Gaussians
+from splatbus_splats.gaussians import COEFFICIENTS, Gaussians, Vector, counted_from
 
 PLACE = ("x", "y", "z")
 CONSTANT = ("f_dc_0", "f_dc_1", "f_dc_2")
 SCALE = ("scale_0", "scale_1", "scale_2")
 TURN = ("rot_1", "rot_2", "rot_3", "rot_0")
 """In the order x, y, z, w."""
+SCALAR = "scalar_"
 NEEDED = (*PLACE, *CONSTANT, "opacity", *SCALE, *TURN)
 
 
@@ -52,9 +53,10 @@ def vertices(file: BufferedReader, path: Path) -> Vertices:
             it may be.
     """
     header = read_header(file, path)
-    element = next((each for each in header.elements if each.name == "vertex"), None)
-    if element is None:
+    if all(each.name != "vertex" for each in header.elements):
         raise ValueError(f"{path}: no splat file: it has no element vertex")
+    header = header._replace(elements=list(map(_plainly_named, header.elements)))
+    element = next(each for each in header.elements if each.name == "vertex")
     properties = {each.name: each for each in element.properties}
     if missing := [name for name in NEEDED if name not in properties]:
         hint = "it is a mesh or a cloud of points, and what 3DGS trains is point_cloud.ply"
@@ -88,12 +90,12 @@ def vertices(file: BufferedReader, path: Path) -> Vertices:
 
 
 def parts(
-    file: BufferedReader, vertices: Vertices, step: int
+    file: BufferedReader, vertices: Vertices, step: int, origin: Vector
 ) -> Iterator[tuple[Gaussians, Motion | None]]:
-    """What the vertices say, so many at a time, not yet looked at."""
+    """What the vertices say, so many at a time, not yet looked at; counted from an origin."""
     path, header, element, place, coefficients, time = vertices
     for rows in container.pieces(file, path, header, element, place, step):
-        gaussians = _decoded(rows, coefficients)
+        gaussians = _decoded(rows, coefficients, origin)
         if time is None:
             yield gaussians, None
             continue
@@ -102,6 +104,21 @@ def parts(
             gaussians.coefficients[:] /= np.float32(CONSTANT_HARMONIC)
         with np.errstate(over="ignore", under="ignore"):
             yield gaussians, spacetime.decoded(rows, time)
+
+
+def first_rows(file: BufferedReader, vertices: Vertices, most: int) -> NDArray[Any]:
+    """As they are in the file, so many of them."""
+    path, header, element, place, *_ = vertices
+    pieces = container.pieces(file, path, header, element, place, most)
+    return next(pieces, np.empty(0, [(each.name, "f4") for each in element.properties]))
+
+
+def is_activated(rows: NDArray[Any]) -> bool:
+    """Whether opacities and scales look as if they were no logits and logarithms any more."""
+    opacities, scales = rows["opacity"], _columns(rows, SCALE)
+    return len(rows) > 1 and bool(
+        (opacities >= 0.0).all() and (opacities <= 1.0).all() and (scales > 0.0).all()
+    )
 
 
 def write(path: Path, gaussians: Gaussians) -> None:
@@ -127,7 +144,7 @@ def write(path: Path, gaussians: Gaussians) -> None:
 
 
 @np.errstate(over="ignore", under="ignore")  # what is infinite in float32 is left out later
-def _decoded(rows: NDArray[Any], coefficients: int) -> Gaussians:
+def _decoded(rows: NDArray[Any], coefficients: int, origin: Vector) -> Gaussians:
     """What some vertices say: quaternions have the norm that they have."""
     harmonics = np.empty((len(rows), coefficients, 3), np.float32)
     harmonics[:, 0] = _columns(rows, CONSTANT)
@@ -136,12 +153,24 @@ def _decoded(rows: NDArray[Any], coefficients: int) -> Gaussians:
         harmonics[:, 1 + place, channel] = rows[name]
     opacities = 1.0 / (1.0 + np.exp(-rows["opacity"].astype(np.float64)))
     return Gaussians(
-        _columns(rows, PLACE),
+        counted_from(origin, np.stack([rows[name] for name in PLACE], axis=1)),
         _columns(rows, TURN),
         np.exp(_columns(rows, SCALE)),
         opacities.astype(np.float32),
         harmonics,
     )
+
+
+def _plainly_named(element: Element) -> Element:
+    """Without what CloudCompare puts before the names that it does not know."""
+    names = {each.name for each in element.properties}
+    plain = [
+        each._replace(name=each.name[len(SCALAR) :])
+        if each.name.startswith(SCALAR) and each.name[len(SCALAR) :] not in names
+        else each
+        for each in element.properties
+    ]
+    return element._replace(properties=plain)
 
 
 def _rest(count: int) -> tuple[str, ...]:

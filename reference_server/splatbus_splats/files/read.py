@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import fields
+from io import BufferedReader
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats.files import ply, spacetime, splat
+from splatbus_splats.files import foreign, ply, spacetime, splat
 from splatbus_splats.files.spacetime import Motion
-from splatbus_splats.gaussians import Gaussians, empty
+from splatbus_splats.gaussians import NO_ORIGIN, Gaussians, Vector, empty
 
 STEP = 1 << 14
 """Gaussians at a time: what is worked on beside the result is 13 MB."""
@@ -25,6 +27,15 @@ OTHERS = (".spz", ".ksplat", ".sog", ".splatv")
 BRIGHTEST = np.float32(1e36)
 """Of a harmonic: the sum of 16 is finite in float32 then."""
 
+FAR = 1e4
+"""Units from 0: from there on float32 has steps of a thousandth."""
+LEAST_SEEN = 1.0 / 255.0
+"""Opacity of a Gaussian that is drawn."""
+INVISIBLE = "nothing of it can be seen: every opacity is below 1/255"
+ACTIVATED = (
+    "its values look as if they were activated before, and are so again: every opacity is from 0 "
+    "to 1 where a logit is read, and every scale above 0 where a logarithm is; export raw values"
+)
 Progress = Callable[[int, int], None]
 
 
@@ -36,9 +47,36 @@ class Found(NamedTuple):
     """How many Gaussians are not among them, by what is wrong with them."""
     motion: Motion | None = None
     """How they change, where they live in time: `gaussians` has each at its own moment then."""
+    doubts: tuple[str, ...] = ()
+    """What may be wrong with all of them, for people."""
 
 
-def read(path: Path, progress: Progress | None = None) -> Found:
+def origin_of(path: Path) -> Vector:
+    """From where positions are counted, so that they lose nothing as float32: nowhere but 0, unless
+    they are far from it, as coordinates of maps are; whole units then. Raises as `read`.
+    """
+    with _opened(path) as (file, size):
+        if path.suffix.lower() == ".splat":
+            count = min(splat.count(file, path, size), STEP)
+            parts = splat.parts(file, path, count, STEP, NO_ORIGIN)
+            points = next((each.means for each, _ in parts), np.empty((0, 3)))
+        else:
+            rows = ply.first_rows(file, ply.vertices(file, path), STEP)
+            points = np.stack([rows[name] for name in ply.PLACE], axis=1)
+    sound = points[np.isfinite(points).all(axis=1)].astype(np.float64)
+    middle = np.round(np.median(sound, axis=0)) if len(sound) else NO_ORIGIN
+    return middle if np.abs(middle).max() >= FAR else NO_ORIGIN
+
+
+def up_of(path: Path) -> str:
+    """Which axis its header says is upwards, such as "z"; nothing where it does not. Raises as
+    `read`.
+    """
+    with _opened(path) as (file, _):
+        return ply.vertices(file, path).header.up if path.suffix.lower() == ".ply" else ""
+
+
+def read(path: Path, progress: Progress | None = None, origin: Vector = NO_ORIGIN) -> Found:
     """The Gaussians in a file of 3DGS (`.ply`) or a `.splat`, as its name says.
 
     Those are left out of which a number is not finite once it is decoded, which a zero scale or an
@@ -48,26 +86,28 @@ def read(path: Path, progress: Progress | None = None) -> Found:
     Args:
         path: of the file.
         progress: is told now and then how many Gaussians of how many were read.
+        origin: (3,), from where positions are counted: they are subtracted in float64.
 
     Raises:
         ValueError: it is no such file; the message names it, and what is wrong where.
         OSError: it cannot be read.
     """
-    suffix, size = path.suffix.lower(), path.stat().st_size
-    if suffix in OTHERS:
-        raise ValueError(f"{path}: {suffix} is not read: export the scene as a plain .ply first")
-    if suffix not in SUFFIXES:
-        raise ValueError(f"{path}: no splat file: its name ends in neither .ply nor .splat")
-    with path.open("rb") as file:
-        if not size:
-            raise ValueError(f"{path}: the file is empty")
-        if suffix == ".splat":
+    doubts = []
+    with _opened(path) as (file, size):
+        if path.suffix.lower() == ".splat":
             count = splat.count(file, path, size)
-            return _gathered(splat.parts(file, path, count, STEP), count, 1, False, progress)
-        vertices = ply.vertices(file, path)
-        parts = ply.parts(file, vertices, STEP)
-        count, is_in_time = vertices.element.rows, vertices.time is not None
-        return _gathered(parts, count, vertices.coefficients, is_in_time, progress)
+            parts = splat.parts(file, path, count, STEP, origin)
+            found = _gathered(parts, count, 1, False, progress)
+        else:
+            vertices = ply.vertices(file, path)
+            if ply.is_activated(ply.first_rows(file, vertices, STEP)):
+                doubts.append(ACTIVATED)
+            count, is_in_time = vertices.element.rows, vertices.time is not None
+            of_file = ply.parts(file, vertices, STEP, origin)
+            found = _gathered(of_file, count, vertices.coefficients, is_in_time, progress)
+    if len(found.gaussians) and found.gaussians.opacities.max() < LEAST_SEEN:
+        doubts.append(INVISIBLE)
+    return found._replace(doubts=tuple(doubts))
 
 
 def sequence(folder: Path) -> list[Path]:
@@ -95,6 +135,22 @@ def sequence(folder: Path) -> list[Path]:
         if other is not path:
             raise ValueError(f"{path}: has the number of {other.name}")
     return [by_number[number] for number in sorted(by_number)]
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[BufferedReader, int]]:
+    """A splat file by its name, and its bytes; errors as of `read`."""
+    suffix, size = path.suffix.lower(), path.stat().st_size
+    if suffix in OTHERS:
+        raise ValueError(f"{path}: {suffix} is not read: export the scene as a plain .ply first")
+    with path.open("rb") as file:
+        if not size:
+            raise ValueError(f"{path}: the file is empty")
+        if other := foreign.recognised(file.peek(foreign.MOST)[: foreign.MOST]):
+            raise ValueError(f"{path}: no splat file: it is {other}")
+        if suffix not in SUFFIXES:
+            raise ValueError(f"{path}: no splat file: its name ends in neither .ply nor .splat")
+        yield file, size
 
 
 def _gathered(

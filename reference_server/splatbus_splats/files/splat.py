@@ -16,18 +16,9 @@ from numpy.typing import NDArray
 
 from splatbus_splats.drawing.harmonics import CONSTANT
 from splatbus_splats.files import container
-from splatbus_splats.gaussians import Gaussians
+from splatbus_splats.gaussians import NO_ORIGIN, Gaussians, Vector, counted_from
 
 RECORD = np.dtype([("mean", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("turn", "u1", 4)])
-
-
-OTHERS = {
-    b"ply": "a .ply",
-    b"\x89PN": "a PNG",
-    b"PK\x03": "an archive",
-    b"\x1f\x8b\x08": "a packed file, as .spz is",
-}
-"""What other files begin with; where a Gaussian is, is hardly ever such a number."""
 
 
 def count(file: BufferedReader, path: Path, size: int) -> int:
@@ -36,8 +27,8 @@ def count(file: BufferedReader, path: Path, size: int) -> int:
     Raises:
         ValueError: no file of these has that length, or it begins as those of others do.
     """
-    if other := OTHERS.get(file.peek(3)[:3]):
-        raise ValueError(f"{path}: no .splat, whatever its name says: it is {other}")
+    if file.peek(3)[:3] == b"ply":  # where a Gaussian is, is hardly ever such a number
+        raise ValueError(f"{path}: no .splat, whatever its name says: it is a .ply")
     if size % RECORD.itemsize:
         whole = size - size % RECORD.itemsize
         raise ValueError(
@@ -47,19 +38,23 @@ def count(file: BufferedReader, path: Path, size: int) -> int:
     return size // RECORD.itemsize
 
 
-def decoded(rows: NDArray[Any]) -> Gaussians:
+def decoded(rows: NDArray[Any], origin: Vector = NO_ORIGIN) -> Gaussians:
     """What some records say, not yet looked at: quaternions have the norm that they have."""
     turns = rows["turn"].astype(np.float32) - 128.0
     shades = rows["rgba"].astype(np.float32) / np.float32(255.0)
     coefficients = (shades[:, None, :3] - np.float32(0.5)) / np.float32(CONSTANT)
     return Gaussians(
-        rows["mean"], turns[:, [1, 2, 3, 0]], rows["scale"], shades[:, 3], coefficients
+        counted_from(origin, rows["mean"]),
+        turns[:, [1, 2, 3, 0]],
+        rows["scale"],
+        shades[:, 3],
+        coefficients,
     )
 
 
 def parts(
-    file: BufferedReader, path: Path, count: int, step: int
+    file: BufferedReader, path: Path, count: int, step: int, origin: Vector
 ) -> Iterator[tuple[Gaussians, None]]:
     """What the records say, so many at a time; none of them lives in time."""
     for rows in container.blocks(file, path, RECORD, count, step):
-        yield decoded(rows), None
+        yield decoded(rows, origin), None
