@@ -83,6 +83,7 @@ class Connection:
 
     Attributes:
         unsent: bytes to hand to TCP next; tell `sent` how many it took.
+        program: what the client says that it is.
         welcome: what was negotiated; None while the connection speaks 1.0, as agreed or not.
         input_ended: the client has ended its stream.
         ending: why no more is read from this connection; None while it is served.
@@ -98,6 +99,7 @@ class Connection:
     def __init__(self, channel: Channel, terms: Terms, now: float) -> None:
         self.channel = channel
         self.unsent = bytearray()
+        self.program = "a client that said no hello"
         self.welcome: Welcome | None = None
         self.ending: str | None = None
         self.is_held = False
@@ -235,7 +237,7 @@ class Connection:
         elif now >= self._send_by:
             self.abort(f"it read nothing for {LIMITS['stalled_reader_seconds']} s [LIM-2]")
         elif now >= self.reader.deadline:
-            other = seems(bytes(self.reader.decoder.unfinished[:4096]))
+            other = seems(self.reader.decoder.unfinished)
             self.end(
                 f"a packet was not complete after {COMPLETION_SECONDS:g} s [FRM-5]{other}", now
             )
@@ -276,6 +278,7 @@ class Connection:
         """Answers `hello`, and settles the version [NEG-6, NEG-33]."""
         if self.welcome is not None:
             raise ProtocolError("invalid_message", "hello was said before", requirement="NEG-3")
+        self.program = " ".join(hello.client)
         answer = answer_hello(
             hello,
             versions=VERSIONS,

@@ -18,7 +18,6 @@ class Reader:
     """A client that was sent an init packet, or is to be sent one.
 
     Attributes:
-        program: what it says that it is.
         is_let_in: one of those who may hold an image [IMG-18].
         announced: memory by generation, from init packet to `open_failed` or `closed`.
         opened: the generations of these that it said it had opened.
@@ -32,7 +31,6 @@ class Reader:
         shown: serial of the newest camera pose whose image it was sent.
     """
 
-    program: str = "a client of 1.0"
     is_let_in: bool = False
     announced: dict[int, FrameMemory] = field(default_factory=dict)
     opened: set[int] = field(default_factory=set)

@@ -73,7 +73,7 @@ class Session:
         readers: what each client on the IPC channel was told and still has.
         readings: telemetry from the renderer.
         statistics: to count in.
-        told: the programs that were last told of memory.
+        told_programs: the last that were told of memory.
         told_busy: who knows that it does not steer [CTL-2].
     """
 
@@ -106,7 +106,7 @@ class Session:
         self.exchange = Exchange(memory, lens, self.control.poses, self.statistics)
         self.viewport = Viewport(self.exchange, limits)
         self._moves: Counter[object] = Counter()
-        self.told: tuple[str, ...] = ()
+        self.told_programs: tuple[str, ...] = ()
         self.told_busy: set[Connection] = set()
         self.readers: dict[Connection, Reader] = {}
 
@@ -128,10 +128,7 @@ class Session:
             return self.answer(connection, message, now)
         self.has_news = True
         if isinstance(message, Hello):
-            refusal = self.greet(connection, now)
-            if connection in self.readers:
-                self.readers[connection].program = " ".join(message.client)
-            return refusal
+            return self.greet(connection, now)
         if isinstance(message, (Opened, OpenFailed, Closed)):
             return self.take_answer(connection, message)
         if isinstance(message, Release):
@@ -169,7 +166,7 @@ class Session:
             self.statistics.refused[refusal.code] += 1
         memory = self.exchange.memory
         unaware = [c for c, r in self.readers.items() if r.told < memory.generation and c.is_open]
-        if unaware and not self.is_made_anew(memory):
+        if unaware and not self.make_anew_if_taken(memory):
             for connection in unaware:
                 self.announce(connection, self.readers[connection], memory, now)
         ready = {
@@ -281,12 +278,12 @@ class Session:
         if reader.told and not connection.has("reinit"):
             connection.end("images are in other memory now, and it takes no reinit [OPN-7]", now)
             return
-        self.told = (*self.told, reader.program)[-MOST_TOLD:]
+        self.told_programs = (*self.told_programs, connection.program)[-MOST_TOLD:]
         connection.send(memory.init_packet)
         reader.tell(memory, now)
 
-    def is_made_anew(self, memory: FrameMemory) -> bool:
-        """Whether other memory is made, since another program has taken something of this."""
+    def make_anew_if_taken(self, memory: FrameMemory) -> bool:
+        """Has other memory made if another program has taken something of this; whether it is."""
         taken = memory.taken()
         if not taken or memory.generation == self.viewport.stays:
             return False
@@ -297,7 +294,7 @@ class Session:
 
     def tell_taken(self, what: str) -> None:
         """Logs that another program has taken this, and who may have."""
-        told, self.told = dict.fromkeys(self.told), ()
+        told, self.told_programs = dict.fromkeys(self.told_programs), ()
         log.error(
             "another program has taken away %s: images go on in memory that is made anew. It was "
             "announced to %s. What attaches by Python's multiprocessing.shared_memory removes the "
@@ -324,7 +321,7 @@ class Session:
         if reader.lease is not None and reader.lease.memory.generation == generation:  # OPN-14
             reader.lease = None
         if isinstance(message, OpenFailed):
-            self.is_made_anew(self.exchange.memory)
+            self.make_anew_if_taken(self.exchange.memory)
             return Refusal("open_failed", f"the client could not open it: {message.reason!r}")
         return None
 

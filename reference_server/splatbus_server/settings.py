@@ -16,9 +16,10 @@ from splatbus_wire.settings import settings as wire_settings
 
 BACKLOG = 4096
 """Connections that the system keeps until they are accepted, as far as it lets us."""
-ASK_SECONDS = 1.0
-MOST_READ = 4096
-"""Of what listens where this server was to listen: for each step, and bytes of its answer."""
+ASK_SECONDS, MOST_READS, MOST_READ = 1.0, 3, 4096
+"""Of what listens where this server was to listen: for each step; looks at its answer, and bytes
+for each.
+"""
 LEAST_TOKEN_CHARS = 16
 """Of a token that others can try: with fewer it could be guessed."""
 
@@ -80,15 +81,18 @@ def listen(host: str, port: int) -> socket.socket:
 
 def who_listens(host: str, port: int) -> str:
     """What answers there when it is greeted, in words; it has a few seconds at most."""
-    reader, said, other = PacketReader(), b".", "another program listens there"
+    reader, said, payload, other = PacketReader(), b"", None, "another program listens there"
     hello = Hello(("1.1", "1.0"), Program("splatbus-server", ""), ())
     try:
         with socket.create_connection((host, port), ASK_SECONDS) as asked:
             asked.sendall(encode(hello))
             asked.shutdown(socket.SHUT_WR)
-            while said and (payload := reader.next_packet(0.0)) is None:
+            for _ in range(MOST_READS):
                 said = asked.recv(MOST_READ)
                 reader.receive(said, 0.0)
+                payload = reader.next_packet(0.0)
+                if payload is not None or not said:
+                    break
         message = decode_from_server_ipc(payload or b"")
     except FramingError:
         known = recognised(said)

@@ -13,7 +13,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from splatbus_renderer import cli as spheres
 from splatbus_schemas import LIMITS
 from splatbus_server.api import Bus, serve
@@ -26,7 +25,7 @@ from splatbus_splats.beginning import UPWARDS, USUAL_UP, before, lens_of, reachi
 from splatbus_splats.drawing import gpu
 from splatbus_splats.drawing.skips import MEANINGS, USUAL, Skip, named
 from splatbus_splats.files.cameras import Camera, read_cameras
-from splatbus_splats.files.read import origin_of, up_of
+from splatbus_splats.files.read import met
 from splatbus_splats.gaussians import Vector
 from splatbus_splats.loading import (
     Loaded,
@@ -202,8 +201,7 @@ def _serve(options: argparse.Namespace) -> int:
     if options.skips is None:
         options.skips = USUAL
     rate, seconds = options.rate or RATE, options.seconds or SECONDS
-    first = sources[0].files[0]
-    origin = origin_of(first)
+    origin, up = met(sources[0].files[0])
     progress = None if options.quiet else _progress()
     objects = loaded(sources, rate, seconds, progress, origin)
     summary = [_summary(name, each) for name, each in objects.items()]
@@ -211,7 +209,7 @@ def _serve(options: argparse.Namespace) -> int:
     if not any(each.part.most for each in objects.values()):
         raise ValueError(f"there is nothing to show: {', '.join(summary)}")
     scene = scene_of(objects)
-    up = options.up or up_of(first) or USUAL_UP
+    up = options.up or up or USUAL_UP
     cameras, lens, why = _beginning(_counted_from(origin, taken), where, scene, size, up)
     if origin.any():
         summary.append(f"positions are counted from {tuple(origin.tolist())}, the scene's origin")
@@ -318,7 +316,7 @@ def _cameras(first: Source, given: Path | None) -> tuple[list[Camera], str]:
 def _counted_from(origin: Vector, cameras: list[Camera]) -> list[Camera]:
     moved = []
     for each in cameras:
-        position = tuple((np.array(each.pose.position) - origin).tolist())
+        position = tuple((each.pose.position - origin).tolist())
         moved.append(each._replace(pose=each.pose._replace(position=position)))
     return moved
 

@@ -62,9 +62,7 @@ class PacketDecoder:
             body = start + _HEADER_BYTES
             length = int.from_bytes(stream[start:body], _BYTE_ORDER)
             if not MIN_PAYLOAD_BYTES <= length <= MAX_PAYLOAD_BYTES:
-                self.error = _bad_header(
-                    length, self.offset + start, bytes(stream[start : start + _LOOKED_AT])
-                )
+                self.error = _bad_header(length, self.offset + start, stream[start:])
                 unfinished.clear()
                 return
             end = body + length
@@ -99,17 +97,17 @@ class PacketDecoder:
         return bool(self.unfinished)
 
 
-def seems(stream: bytes) -> str:
+def seems(stream: bytes | bytearray) -> str:
     """What a peer seems to speak instead, as the end of a sentence; empty where nothing seems so.
 
     Args:
         stream: from the beginning of a packet.
     """
-    known = recognised(stream)
+    known = recognised(bytes(stream[:_LOOKED_AT]))
     return f"; {known}" if known else ""
 
 
-def _bad_header(length: int, offset: int, stream: bytes) -> FramingError:
+def _bad_header(length: int, offset: int, stream: bytes | bytearray) -> FramingError:
     return FramingError(
         "packet_too_large" if length else "malformed_packet",
         f"a header announces {length} bytes; {MIN_PAYLOAD_BYTES} to {MAX_PAYLOAD_BYTES} are"

@@ -22,10 +22,9 @@ from splatbus_splats.files.read import (
     BRIGHTEST,
     INVISIBLE,
     STEP,
-    origin_of,
+    met,
     read,
     sequence,
-    up_of,
 )
 from splatbus_splats.gaussians import Gaussians
 
@@ -397,26 +396,29 @@ def test_what_looks_wrong_as_a_whole_is_doubted(
     assert read(saved(tmp_path / "a.ply", vertices(2, **values))).doubts == doubts
 
 
-@pytest.mark.parametrize("name", ["a.ply", "a.splat"])
+@pytest.mark.parametrize(("name", "step"), [("a.ply", 1 / 8192), ("a.splat", 1)])
 def test_coordinates_of_maps_are_counted_from_the_middle_before_they_are_rounded(
-    tmp_path: Path, name: str
+    tmp_path: Path, name: str, step: float
 ) -> None:
-    steps = np.arange(5) / 8192 if name == "a.ply" else np.arange(5) / 2
-    table = np.zeros(5, [(each, "f8" if each in "xyz" else "f4") for each in ply.NEEDED])
-    table["rot_0"], table["x"], table["z"] = 1, 5e5 + steps, 4e6 - steps
-    path = saved(tmp_path / "a.ply", table)
+    """Doubles keep what float32 could not; what is float32 already is whole."""
+    steps, path = step * np.arange(-2, 3), tmp_path / name
+    places = np.stack([5e5 + steps, 0 * steps, 4e6 - steps], axis=1)
     if name == "a.splat":
-        rows, path = np.zeros(5, splat.RECORD), tmp_path / name
-        rows["mean"] = np.stack([table[each] for each in ply.PLACE], axis=1)
-        rows["turn"] = 255
+        rows = np.zeros(5, splat.RECORD)
+        rows["mean"], rows["turn"] = places, 255
         rows.tofile(path)
-    origin = origin_of(path)
-    assert origin.tolist() == [5e5 + (name == "a.splat"), 0, 4e6 - (name == "a.splat")]
-    means = read(path, None, origin).gaussians.means
-    assert (means[:, 0] == steps - (name == "a.splat")).all()
-    assert (means[:, 2] == (name == "a.splat") - steps).all()
-    table["x"] = table["z"] = steps
-    assert not origin_of(saved(path.with_suffix(".ply"), table)).any()
+    else:
+        table = np.zeros(5, [(each, "f8" if each in "xyz" else "f4") for each in ply.NEEDED])
+        table["x"], table["y"], table["z"] = places.T
+        table["rot_0"] = 1
+        saved(path, table)
+    assert met(path).origin.tolist() == [5e5, 0, 4e6]
+    found = read(path, None, met(path).origin).gaussians.means
+    assert (found == np.stack([steps, 0 * steps, -steps], axis=1)).all()
+
+
+def test_coordinates_that_are_near_are_counted_from_0(tmp_path: Path) -> None:
+    assert not met(saved(tmp_path / "a.ply", vertices(5, x=9999))).origin.any()
 
 
 @pytest.mark.parametrize(("comment", "up"), [("Vertical Axis: z", "z"), ("made by hand", "")])
@@ -425,7 +427,7 @@ def test_a_comment_says_what_is_upwards(tmp_path: Path, comment: str, up: str) -
     path.write_bytes(
         path.read_bytes().replace(b"element", f"comment {comment}\nelement".encode(), 1)
     )
-    assert up_of(path) == up
+    assert met(path).up == up
 
 
 def test_no_vertices_are_an_empty_scene(tmp_path: Path) -> None:

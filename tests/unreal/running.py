@@ -66,10 +66,7 @@ class Drawn(Renderer):
         )
 
 
-SETTING = (
-    *(f"screen {WIDTH} {HEIGHT}", f"lens 60 {NEAR}", f"set FarPlane {FAR}"),
-    Eye().command,
-)
+SETTING = (f"screen {WIDTH} {HEIGHT}", f"lens 60 {NEAR}", f"set FarPlane {FAR}", Eye().command)
 
 
 @contextmanager

@@ -192,17 +192,18 @@ def judge_conforming(profile: str, requirement: str, it: Specimen) -> SpecimenRe
     more = OPTIONS.get(it.home.judge, ())
     report, status, last_words = run_harness(it, select, more=("--profile", profile, *more))
     cells = [c for c in cells_of(report) if c.condemns or c.verdict == Verdict.ERROR]
-    told = {cell.requirement for cell in cells}
+    warned = {c.requirement for c in cells if c.verdict == Verdict.WARN}
+    wrong = any(c.verdict != Verdict.WARN for c in cells)
     # Of one requirement there may be nothing to see.
     least = EXIT_NO_VERDICT if requirement else EXIT_CONFORMING
     if report is None:
         fate, note = Fate.NO_VERDICT, last_words
-    elif status in (EXIT_CONFORMING, least) and told == must_warn:
+    elif status in (EXIT_CONFORMING, least) and warned == must_warn and not wrong:
         fate, note = Fate.PASSED if reference else Fate.ALLOWED, ""
-    elif told >= must_warn:
+    elif warned >= must_warn:
         fate, note = Fate.CONDEMNED, ""
     else:
-        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(must_warn - told))}"
+        fate, note = Fate.SURVIVED, f"no warning for {', '.join(sorted(must_warn - warned))}"
     seconds = {
         result["check"]: result["seconds"]
         for requirement in (report or {}).get("requirements", [])

@@ -51,29 +51,32 @@ class Found(NamedTuple):
     """What may be wrong with all of them, for people."""
 
 
-def origin_of(path: Path) -> Vector:
-    """From where positions are counted, so that they lose nothing as float32: nowhere but 0, unless
-    they are far from it, as coordinates of maps are; whole units then. Raises as `read`.
+class Met(NamedTuple):
+    """The axes of a file, before it is read."""
+
+    origin: Vector
+    """(3,), from where positions are counted, so that they lose nothing as float32: nowhere but 0,
+    unless they are far from it, as coordinates of maps are; whole units then.
     """
+    up: str
+    """Which axis its header says is upwards, such as "z"; nothing where it does not."""
+
+
+def met(path: Path) -> Met:
+    """What a file says of its axes, by its header and its first rows. Raises as `read`."""
+    up = ""
     with _opened(path) as (file, size):
         if path.suffix.lower() == ".splat":
             count = min(splat.count(file, path, size), STEP)
             parts = splat.parts(file, path, count, STEP, NO_ORIGIN)
             points = next((each.means for each, _ in parts), np.empty((0, 3)))
         else:
-            rows = ply.first_rows(file, ply.vertices(file, path), STEP)
+            vertices = ply.vertices(file, path)
+            rows, up = ply.first_rows(file, vertices, STEP), vertices.header.up
             points = np.stack([rows[name] for name in ply.PLACE], axis=1)
     sound = points[np.isfinite(points).all(axis=1)].astype(np.float64)
     middle = np.round(np.median(sound, axis=0)) if len(sound) else NO_ORIGIN
-    return middle if np.abs(middle).max() >= FAR else NO_ORIGIN
-
-
-def up_of(path: Path) -> str:
-    """Which axis its header says is upwards, such as "z"; nothing where it does not. Raises as
-    `read`.
-    """
-    with _opened(path) as (file, _):
-        return ply.vertices(file, path).header.up if path.suffix.lower() == ".ply" else ""
+    return Met(middle if np.abs(middle).max() >= FAR else NO_ORIGIN, up)
 
 
 def read(path: Path, progress: Progress | None = None, origin: Vector = NO_ORIGIN) -> Found:

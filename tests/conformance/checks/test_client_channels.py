@@ -64,6 +64,20 @@ def test_a_client_with_a_limit_on_the_wait_for_the_init_packet(tmp_path: Path) -
     assert "closed the connection" in output
 
 
+def test_poses_that_come_after_an_init_packet_alone(tmp_path: Path) -> None:
+    reading, saying = "        for _ in packets(sock):\n", "            while not over.wait(0.03):"
+    command = broken(
+        tmp_path,
+        (f"{reading}            pass", f"{reading}            READY.set()"),
+        (saying, f"            READY.wait()\n{saying}"),
+        ("LIMIT = 1 << 20", "LIMIT = 1 << 20\nREADY = threading.Event()"),
+        ('{"x": 0.1,', '{"x": float("nan"),'),
+    )
+    code, output = run("client", "--launch", command.replace(" 1.1", " 1.0"), "--select", "JSN-4")
+    assert code == 1, output
+    assert "JSN-4 broken" in output
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_good_memory_is_announced_as_it_is_whatever_the_ring(seed: int) -> None:
     """The seed draws how many slots there are; a packet of more is refused, and rightly."""

@@ -97,7 +97,7 @@ class Memory:
 
     def taken(self) -> str:
         """Its name goes at times, and does not come back."""
-        self.is_gone |= self.kind == "host_shm" and self.store.world.chance(0.003)
+        self.is_gone |= self.kind == "host_shm" and self.store.world.is_stolen()
         return "its name" if self.is_gone else ""
 
     def free_bytes(self) -> int:

@@ -41,7 +41,7 @@ class World:
     """
 
     def __init__(self, seed: int, tell: Callable[[str], None] | None = None) -> None:
-        self.random = Random(seed)
+        self.random, self.thefts = Random(seed), Random(f"{seed}")
         self.now = 100.0
         self.is_calm = False
         self.steps = 0
@@ -73,6 +73,10 @@ class World:
     def chance(self, probability: float) -> bool:
         """Whether something goes wrong that does so with this probability; never in the calm."""
         return not self.is_calm and self.random.random() < probability
+
+    def is_stolen(self) -> bool:
+        """Whether another program takes memory now; drawn apart, so that all else is as without."""
+        return not self.is_calm and self.thefts.random() < 0.003
 
     def note(self, *told: object) -> None:
         """Adds a line to the trace, if there is one."""

@@ -11,6 +11,7 @@ from splatbus_schemas import LIMITS
 
 from splatbus_conformance.cases.valid.spelling import ODD_TEXT
 from splatbus_conformance.checks import (
+    CLIENT,
     CLIENT_DEVICE,
     CLIENT_IPC,
     CLIENT_MSG,
@@ -39,6 +40,7 @@ from splatbus_conformance.trials.moves.exchanges.reading import (
     outcome_of_reading,
     wait_for_all,
 )
+from splatbus_conformance.trials.moves.shown_image import image_of
 from splatbus_conformance.trials.moves.writers import (
     ALL,
     AROUND,
@@ -57,6 +59,7 @@ from splatbus_conformance.trials.testee.server_probe import GONE_SECONDS
 from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.json_values import show
+from splatbus_conformance.wire.message_kinds import POSES
 from splatbus_conformance.wire.messages import Json, camera_pose, encode, intrinsics
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.sockets import Connection
@@ -400,3 +403,29 @@ def check_takes_any_length(
 ) -> bool | None:
     """What a client is told, with white space that makes it as long as a payload may be."""
     return judge(of_length(length))
+
+
+@check(
+    "JSN-4",
+    on={CLIENT: ("ipc", "msg")},
+)
+def check_writes_numbers_once_it_has_images(trial: ClientTrial) -> None:
+    """The harness plays a server of 1.0 whose init packet is good, and listens for poses: some
+    clients send none before they have images.
+    """
+    trial.role.speaks = "1.0"
+    size = trial.role.width, trial.role.height
+    with image_of(trial, *size) if trial.device else nullcontext() as image:
+        if image is not None:
+            trial.role.device_packet = image.init_packet()
+        trial.connection("ipc")
+        dealings = trial.with_(trial.connection("msg"))
+        if not trial.wait(lambda: any(map(dealings.count, POSES))):
+            trial.not_observable(
+                "the testee sent no pose that can be read after an init packet of 1.0"
+            )
+        heard = (m for it in trial.peer.conversations() for m in it.sent_by("client"))
+        faults = [it for m in heard if m.kind in POSES for it in m.faults]
+        wrong = next((it for it in faults if it.requirement == trial.requirement.id), None)
+        if wrong:
+            trial.violated(wrong.code, f"in a pose after an init packet: {wrong.text}")

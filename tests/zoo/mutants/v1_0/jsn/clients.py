@@ -115,7 +115,7 @@ def deep_nesting(patch):
     payloads(patch, in_poses(lambda payload: payload[:-1] + b',"tree":' + nested + b"}"))
 
 
-@mutant("JSN-4", code="number-as-string")
+@mutant("JSN-4", check="check_writes_numbers_once_it_has_images", code="number-as-string")
 def numbers_as_strings_in_1_0(patch):
     """Speaks 1.0, and writes the numbers of a pose as strings."""
     speaks_1_0(patch)
