@@ -9,9 +9,11 @@ from typing import Any
 from splatbus_conformance.wire.messages import init_packet_1_0, init_packet_1_1
 from splatbus_server.connection import Connection, Refusal
 from splatbus_server.peer import Peer
+from splatbus_wire.framing import PacketDecoder
 
 from tests.zoo.faults.legacy import announces_at_once
 from tests.zoo.faults.newest import keeps_the_newest
+from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
 from tests.zoo.faults.surgery import crash
 from tests.zoo.mutant import mutant
@@ -67,19 +69,11 @@ def server_of_1_0_stumbles_over_hello_on_ipc(patch):
     stumbles_over_hello(patch)
 
 
-@mutant(
-    "CHN-7",
-    check="check_bytes_do_not_end_an_ipc_connection_later",
-    code="closes",
-    at=server.NEXT_EVENT,
-)
-def server_awaits_more_after_a_packet(original, self, now):
+@mutant("CHN-7", check="check_bytes_do_not_end_an_ipc_connection_later", code="closes")
+def server_awaits_more_after_a_packet(patch):
     """Takes a connection on which a whole packet came for one on which a packet is incomplete."""
-    due = self.reader.deadline
-    event = original(self, now)
-    if event is None and self.is_open:
-        self.reader.deadline = due
-    return event
+    awaits = property(lambda self: bool(self.unfinished or self.offset))
+    Seam(PacketDecoder, "incomplete").replace(patch, awaits)
 
 
 @mutant("CHN-8", code="further-packet", through="CHN-4")
