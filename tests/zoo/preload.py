@@ -8,6 +8,7 @@ import gc
 import splatbus_renderer.cli
 import splatbus_viewer.adapter
 import splatbus_viewer.cli
+from splatbus_conformance.cases.drawing import know_all_modules
 
 from tests.simulation import session
 from tests.zoo.registry import specimens
@@ -15,5 +16,6 @@ from tests.zoo.registry import specimens
 __all__ = ["splatbus_renderer", "splatbus_viewer", "session"]
 
 specimens()
+know_all_modules()
 gc.collect()
 gc.freeze()

@@ -15,7 +15,7 @@ from typing import NamedTuple, TypeVar
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings, target
 from hypothesis.configuration import set_hypothesis_home_dir
-from hypothesis.strategies import SearchStrategy
+from hypothesis.strategies import SearchStrategy, integers
 
 from splatbus_conformance.data import cache_folder
 
@@ -27,6 +27,14 @@ Scores = Mapping[str, float]
 def leave_nothing_where_the_user_works() -> None:
     """Have Hypothesis keep its table of characters elsewhere, for the rest of this process."""
     set_hypothesis_home_dir(cache_folder() / "hypothesis")
+
+
+def know_all_modules() -> None:
+    """Have Hypothesis look through the modules of this process, as it does when it first draws: for
+    those that are forked from it.
+    """
+    leave_nothing_where_the_user_works()
+    draw(integers(), 100, 0)  # it looks for a constant in one draw of twenty
 
 
 def draw(strategy: SearchStrategy[T], count: int, seed_number: int) -> list[T]:

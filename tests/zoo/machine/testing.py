@@ -162,7 +162,8 @@ def _pytest(line: Sequence[str], plugin: object) -> int:
     with tempfile.TemporaryDirectory(prefix="splatbus-tests-") as folder:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = folder
         options = ("-q", "--no-header", "--tb=no", "-p", "no:cacheprovider")
-        early = ("-W", "ignore::pytest.PytestAssertRewriteWarning")  # what the harness imported
+        imported = ("pytest.PytestAssertRewriteWarning", "hypothesis.errors.HypothesisWarning")
+        early = [f"-Wignore::{it}" for it in imported]  # by the harness, and drawn from
         return int(pytest.main([*line, *options, *early, "--basetemp", f"{folder}/t"], [plugin]))
 
 

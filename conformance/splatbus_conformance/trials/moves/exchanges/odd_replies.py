@@ -1,5 +1,6 @@
 """Requests of a client, answered as a check wants it: late, and with cameras of its choice."""
 
+import time
 from typing import Any
 
 from splatbus_conformance.cases.valid.numbers import nearest, unquoted
@@ -33,6 +34,7 @@ class OddReplies:
         self.holds = False
         self.waiting: list[tuple[Connection, Json]] = []
         self.told: dict[int, list[Pose]] = {}
+        self._asked = 0.0
         self._former: dict[int, list[Pose]] = {}
         self._trial = trial
         self._on_former_packet = trial.peer.on_message
@@ -43,7 +45,14 @@ class OddReplies:
         """Have the client make these requests, and do not wait for what it makes of the replies."""
         self._former |= {index: poses[-1:] for index, poses in self.told.items()}
         self.told = {}
+        self._asked = time.monotonic() - self._trial.peer.clock()
         self._trial.give("ask", requests=requests)
+
+    def kept_seconds(self) -> float:
+        """For how long a busy machine kept the client, or who answers it, from running since the
+        last `ask`.
+        """
+        return time.monotonic() - self._trial.peer.clock() - self._asked
 
     def possible(self, index: int) -> list[Pose]:
         """Poses of which one is that of this camera, for all that the client can know.
