@@ -93,8 +93,6 @@ TOGETHER = 8
 """Cameras that are asked for at once."""
 NEXT_SECONDS = 0.05
 """A client that asks for more before it waits does so within this time."""
-BUSY_SECONDS = 1.0
-"""A wait that is longer by this than by the clock of patience may be longer than the client's."""
 OWN_SECONDS = 0.3
 """For what the client asks by itself."""
 CAMERAS = [
@@ -259,22 +257,20 @@ def check_replies_do_not_wait_for_an_image(trial: ServerTrial, number: int) -> b
 
 @check("REQ-12", on={CLIENT: ("asks",)})
 def check_asks_again_after_a_while(trial: ClientTrial) -> None:
-    """The size is [0,0] at first; the requests that follow are timed, and the soonest counts: a
-    busy machine makes each later, and none sooner.
+    """The size is [0,0] at first; of the requests that follow the soonest counts, since a busy
+    machine makes each later.
     """
-    if "get_viewport_size" not in trial.facts.asks:
-        trial.not_observable("the testee does not ask for the size when it connects")
     trial.role.has_image = False
     connection = trial.connection("msg")
 
     def asked() -> list[float]:
-        made = (it for it in connection.messages if it.type == "get_viewport_size")
-        return [connection.arrived(it) for it in made]
+        requests = (it for it in connection.messages if it.type == "get_viewport_size")
+        return [connection.arrived(it) for it in requests]
 
     trial.wait(lambda: asked() or connection.ended)
     before = len(asked())
     if not before:
-        trial.not_observable("the testee does not ask for the size when it connects again")
+        trial.not_observable("the testee does not ask for the size when it connects")
     trial.wait(lambda: len(asked()) >= before + AGAIN or connection.ended)
     trial.role.has_image = True
     times = asked()[before - 1 :]
@@ -283,11 +279,8 @@ def check_asks_again_after_a_while(trial: ClientTrial) -> None:
         trial.not_observable("the testee does not ask again: it may not need the size")
     seconds = min(later - told for told, later in itertools.pairwise(times))
     least = LIMITS["ask_again_min_seconds"]
-    trial.expect(
-        seconds >= least - JITTER_SECONDS,
-        "too-soon",
-        f"it asked again {1000 * seconds:.0f} ms later; {1000 * least:.0f} are asked for",
-    )
+    told = f"it asked again {1000 * seconds:.0f} ms later; {1000 * least:.0f} are asked for"
+    trial.expect(seconds >= least - JITTER_SECONDS, "too-soon", told)
 
 
 def bad_replies(trial: ClientTrial) -> Cases:
@@ -392,8 +385,8 @@ def made_of_replies(trial: ClientTrial, answering: OddReplies, requests: list[An
     try:
         replies: list[Json] = trial.take("ask")["replies"]
     except Declined as problem:
-        if answering.kept_seconds() > BUSY_SECONDS:
-            trial.not_observable(f"a busy machine kept the client from its replies: {problem}")
+        if answering.took > GIVING_UP_SECONDS / 2:
+            trial.not_observable(f"on a busy machine its replies came late: {problem}")
         if answering.waiting or not trial.wait(trial.role.is_given_up, GIVING_UP_SECONDS):
             raise
         untaken = (

@@ -30,9 +30,13 @@ def writers(name: str) -> list[int]:
 
 
 def owner(port: int, peer_port: int) -> int | None:
-    """The process whose TCP connection goes from `port` to `peer_port`, if that is shown."""
-    socket = _socket(f":{port:04X}", f":{peer_port:04X}")
-    return next((pid for pid in _others() if socket in _open_files(pid)), None) if socket else None
+    """The process whose TCP connection goes from `port` to `peer_port`, 0 of one that listens, if
+    that is shown.
+    """
+    if (fields := _connection(port, peer_port)) is None:
+        return None
+    pids, socket = (*_others(), os.getpid()), f"socket:[{fields[9]}]"
+    return next((pid for pid in pids if socket in _open_files(pid)), None)
 
 
 def group(pid: int) -> int | None:
@@ -72,11 +76,8 @@ def _words(path: Path) -> list[str]:
 
 def listener(port: int) -> str:
     """Which process listens on a TCP port, if that is shown; else nothing."""
-    socket = _socket(f":{port:04X}", ":0000")
-    for pid in (*_others(), os.getpid()):
-        if socket and socket in _open_files(pid):
-            return f"process {pid} ({_command(pid)})"
-    return ""
+    pid = owner(port, 0)
+    return f"process {pid} ({_command(pid)})" if pid else ""
 
 
 def _command(pid: int) -> str:
@@ -87,10 +88,10 @@ def _command(pid: int) -> str:
 
 
 def _others() -> Iterator[int]:
+    """The newest first: who is looked for was most often started last."""
     if PROC.is_dir():
-        for entry in PROC.iterdir():
-            if entry.name.isdecimal() and int(entry.name) != os.getpid():
-                yield int(entry.name)
+        pids = [int(entry.name) for entry in PROC.iterdir() if entry.name.isdecimal()]
+        yield from (pid for pid in sorted(pids, reverse=True) if pid != os.getpid())
 
 
 def _maps(pid: int, path: str) -> bool:
@@ -148,19 +149,14 @@ class Queues(NamedTuple):
 
 def queues(port: int, peer_port: int) -> Queues | None:
     """What waits at the end of a TCP connection that has this port, if that is shown."""
-    if (fields := _connection(f":{port:04X}", f":{peer_port:04X}")) is None:
+    if (fields := _connection(port, peer_port)) is None:
         return None
     return Queues(*(int(each, 16) for each in fields[4].split(":")))
 
 
-def _socket(local: str, remote: str) -> str | None:
-    """What an open file of this connection is called."""
-    fields = _connection(local, remote)
-    return f"socket:[{fields[9]}]" if fields else None
-
-
-def _connection(local: str, remote: str) -> list[str] | None:
+def _connection(port: int, peer_port: int) -> list[str] | None:
     """What the system says of it."""
+    local, remote = f":{port:04X}", f":{peer_port:04X}"
     for table in ("tcp", "tcp6"):
         with contextlib.suppress(OSError):
             for line in (PROC / "net" / table).read_text().splitlines()[1:]:

@@ -25,6 +25,7 @@ class OddReplies:
         cameras: poses on the wire; index i asks for the one at i modulo their number (REQ-6).
         position: texts of three numbers that stand for that of every camera, if there are any.
         holds: requests wait for `answer_all`.
+        took: seconds from the last `ask` to the first reply.
         told: poses on the wire that replies held since the last `ask`, by their camera.
     """
 
@@ -34,7 +35,7 @@ class OddReplies:
         self.holds = False
         self.waiting: list[tuple[Connection, Json]] = []
         self.told: dict[int, list[Pose]] = {}
-        self._asked = 0.0
+        self.took = self._asked = 0.0
         self._former: dict[int, list[Pose]] = {}
         self._trial = trial
         self._on_former_packet = trial.peer.on_message
@@ -45,14 +46,8 @@ class OddReplies:
         """Have the client make these requests, and do not wait for what it makes of the replies."""
         self._former |= {index: poses[-1:] for index, poses in self.told.items()}
         self.told = {}
-        self._asked = time.monotonic() - self._trial.peer.clock()
+        self.took, self._asked = 0.0, time.monotonic()
         self._trial.give("ask", requests=requests)
-
-    def kept_seconds(self) -> float:
-        """For how long a busy machine kept the client, or who answers it, from running since the
-        last `ask`.
-        """
-        return time.monotonic() - self._trial.peer.clock() - self._asked
 
     def possible(self, index: int) -> list[Pose]:
         """Poses of which one is that of this camera, for all that the client can know.
@@ -93,3 +88,4 @@ class OddReplies:
                 camera = camera._replace(position=tuple(map(nearest, self.position)))
             self.told.setdefault(index, []).append(camera)
         connection.send(packet(unquoted(role.encode["msg"](answer))))
+        self.took = self.took or time.monotonic() - self._asked
