@@ -17,8 +17,9 @@ from splatbus_client.message_protocol import NotOfferedError
 from splatbus_client.session import Session
 from splatbus_client.steering import ServerRefusedError
 from splatbus_schemas import FRAMING
+from splatbus_schemas.options import PORT, POSITIVE, SIZE, WHOLE, joined, option
 from splatbus_schemas.version import ShowVersion
-from splatbus_schemas.visible import visible
+from splatbus_schemas.visible import worded
 from splatbus_wire.settings import Settings, read_token, settings
 
 from splatbus_viewer import telemetry
@@ -54,7 +55,9 @@ exit status: 0 done, 1 it could not be done (standard error says why), 2 wrong u
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    options = _parser().parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
+    options = _parser().parse_args(
+        joined(sys.argv[1:] if arguments is None else arguments, "--pose", "--look-at")
+    )
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # not every terminal has every bar and name
     logging.basicConfig(
@@ -66,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         token = read_token(options.token_file) if options.token_file else None
         where = settings(options.host, options.ipc_port, options.msg_port, token)
     except (ValueError, OSError) as error:
-        print(f"splatbus-client: {visible(str(error))}", file=sys.stderr)
+        print(f"splatbus-client: {worded(error)}", file=sys.stderr)
         return 2
     try:
         run: int = options.run(where, options)
@@ -75,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (ValueError, OSError, ServerRefusedError, NotOfferedError) as error:
-        print(f"splatbus-client: {visible(str(error))}", file=sys.stderr)
+        print(f"splatbus-client: {worded(error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
@@ -143,8 +146,8 @@ def _parser() -> argparse.ArgumentParser:
     where = argparse.ArgumentParser(add_help=False)
     server = where.add_argument_group("server")
     server.add_argument("--host", metavar="NAME", help="host of the server")
-    server.add_argument("--ipc-port", type=int, metavar="N", help="port of its IPC channel")
-    server.add_argument("--msg-port", type=int, metavar="N", help="port of its message channel")
+    server.add_argument("--ipc-port", type=PORT, metavar="N", help="port of its IPC channel")
+    server.add_argument("--msg-port", type=PORT, metavar="N", help="port of its message channel")
     server.add_argument(
         "--token-file",
         type=Path,
@@ -175,14 +178,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     watch.add_argument(
         "--rate",
-        type=_positive,
+        type=POSITIVE,
         default=30.0,
         metavar="HZ",
         help="camera poses to send per second (%(default)g)",
     )
     watch.add_argument(
         "--size",
-        type=_size,
+        type=SIZE,
         metavar="WxH",
         help="ask for images of this size, in pixels (default: as they are)",
     )
@@ -203,19 +206,19 @@ def _parser() -> argparse.ArgumentParser:
     pose = shoot.add_mutually_exclusive_group()
     pose.add_argument(
         "--pose",
-        type=parse_pose,
+        type=option(parse_pose, "place and quaternion such as 0,-1,-3,0,0,0,1"),
         metavar="X,Y,Z,QX,QY,QZ,QW",
         help="camera-to-world, x right, y down, z forward, scalar last",
     )
     pose.add_argument(
         "--look-at",
-        type=parse_look_at,
+        type=option(parse_look_at, "view of one point from another, such as 0,-1,-3,0,0,2"),
         dest="pose",
         metavar="EX,EY,EZ,TX,TY,TZ",
         help="an upright camera at E that looks at T",
     )
     pose.add_argument(
-        "--camera-index", type=int, metavar="N", help="one of the cameras that the scene has"
+        "--camera-index", type=WHOLE, metavar="N", help="one of the cameras that the scene has"
     )
     _add_timeout(shoot)
     shoot.set_defaults(run=_snapshot)
@@ -260,7 +263,7 @@ def _parser() -> argparse.ArgumentParser:
 def _add_seconds(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--seconds",
-        type=_positive,
+        type=POSITIVE,
         default=math.inf,
         metavar="N",
         help="stop after so long (default: run until SIGINT or SIGTERM)",
@@ -270,33 +273,11 @@ def _add_seconds(command: argparse.ArgumentParser) -> None:
 def _add_timeout(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--timeout",
-        type=_positive,
+        type=POSITIVE,
         default=10.0,
         metavar="SECONDS",
         help="give up after so long (%(default)g)",
     )
-
-
-def _joined(arguments: Sequence[str]) -> list[str]:
-    """Join `--pose -1,0,0` to `--pose=-1,0,0`: a value that begins with a minus is no option."""
-    joined: list[str] = []
-    for argument in arguments:
-        if joined and joined[-1] in ("--pose", "--look-at"):
-            argument = f"{joined.pop()}={argument}"
-        joined.append(argument)
-    return joined
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, height = map(int, text.lower().split("x"))
-    return width, height
-
-
-def _positive(text: str) -> float:
-    number = float(text)
-    if not number > 0:
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number")
-    return number
 
 
 if __name__ == "__main__":

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import logging
-import re
 import signal
 import sys
 import threading
 from pathlib import Path
 
 from splatbus_schemas import LIMITS
+from splatbus_schemas.options import PORT, POSITIVE, SIZE, number, option
 from splatbus_schemas.version import ShowVersion
+from splatbus_schemas.visible import worded
 from splatbus_server.api import serve
 from splatbus_wire.settings import read_token
 
@@ -67,7 +68,7 @@ def main(argv: list[str] | None = None) -> int:
         print(f"splatbus-server: {error}", file=sys.stderr)
         return 2
     except OSError as error:
-        print(f"splatbus-server: {error.strerror or error}", file=sys.stderr)
+        print(f"splatbus-server: {worded(error)}", file=sys.stderr)
         return 1
     with bus:
         address, (width, height) = bus.address, options.size
@@ -90,50 +91,25 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=ShowVersion)
-    parser.add_argument(
-        "--size", type=_size, default=(320, 240), metavar="WxH", help="of the image"
-    )
-    parser.add_argument("--fps", type=rate, default=FPS, help=f"most images a second ({FPS:g})")
+    parser.add_argument("--size", type=SIZE, default=(320, 240), metavar="WxH", help="of the image")
+    parser.add_argument("--fps", type=POSITIVE, default=FPS, help=f"most images a second ({FPS:g})")
     parser.add_argument(
         "--turntable",
-        type=_degrees,
+        type=option(
+            lambda it: number(it, -1e6, 1e6), "number from -1000000 to 1000000, such as 20"
+        ),
         default=0.0,
         metavar="DEGREES",
         help="turn by as much a second",
     )
     parser.add_argument("--host", help="to listen on (127.0.0.1); another one needs a token")
-    parser.add_argument("--ipc-port", type=int, metavar="PORT", help="6001; 0: any that is free")
-    parser.add_argument("--msg-port", type=int, metavar="PORT", help="6000; 0: any that is free")
+    parser.add_argument("--ipc-port", type=PORT, metavar="PORT", help="6001; 0: any that is free")
+    parser.add_argument("--msg-port", type=PORT, metavar="PORT", help="6000; 0: any that is free")
     parser.add_argument(
         "--token-file", type=Path, metavar="FILE", help="holds the token; only you can read it"
     )
     parser.add_argument("--quiet", action="store_true", help="log refusals and errors only")
     return parser
-
-
-def _size(text: str) -> tuple[int, int]:
-    match = re.fullmatch(r"(\d+)[x×](\d+)", text)
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 320x240")
-    width, height = int(match[1]), int(match[2])
-    if not (1 <= width <= LARGEST and 1 <= height <= LARGEST):
-        raise argparse.ArgumentTypeError(f"{text!r} is not from 1 to {LARGEST} pixels either way")
-    return width, height
-
-
-def _degrees(text: str) -> float:
-    degrees = float(text)
-    if not abs(degrees) <= 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r} is not from -1000000 to 1000000")
-    return degrees
-
-
-def rate(text: str) -> float:
-    """A positive number. Raises ArgumentTypeError."""
-    number = float(text)
-    if not 0.0 < number < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
-    return number
 
 
 if __name__ == "__main__":

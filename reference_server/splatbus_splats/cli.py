@@ -15,6 +15,8 @@ from typing import Any
 
 from splatbus_renderer import cli as spheres
 from splatbus_schemas import LIMITS
+from splatbus_schemas.options import POSITIVE, joined
+from splatbus_schemas.visible import worded
 from splatbus_server.api import Bus, serve
 from splatbus_server.view import Intrinsics
 from splatbus_wire.messages import SceneObject
@@ -97,7 +99,8 @@ is full, 2 wrong usage
 def main(argv: list[str] | None = None) -> int:
     """Serves until SIGINT or SIGTERM; returns the exit code."""
     arguments = parser()
-    options = arguments.parse_intermixed_args(argv)
+    words = joined(sys.argv[1:] if argv is None else argv, "--up")
+    options = arguments.parse_intermixed_args(words)
     if not options.files:
         for name in ("cameras", "rate", "seconds", "skips", "cpu", "up"):
             if getattr(options, name) is not None:
@@ -121,8 +124,7 @@ def main(argv: list[str] | None = None) -> int:
     except ImportError as error:
         message = f"{error}: pip install 'splatbus-protocol[splats]'"
     except OSError as error:
-        where = f"{error.filename}: " if error.filename else ""
-        message = f"{where}{error.strerror or error}"
+        message = worded(error)
     except MemoryError as error:
         message = f"memory is full: {error}"
     except RuntimeError as error:
@@ -155,9 +157,9 @@ def parser() -> argparse.ArgumentParser:
         choices=UPWARDS,
         metavar="AXIS",
         help=f"which is upwards, such as z; without cameras the view begins so ({USUAL_UP}, or as "
-        "the file says); --up=-z for one that points down",
+        "the file says); -z where that points down",
     )
-    parser.add_argument("--rate", type=spheres.rate, help=f"files a second, of a folder ({RATE:g})")
+    parser.add_argument("--rate", type=POSITIVE, help=f"files a second, of a folder ({RATE:g})")
     parser.add_argument(
         "--cpu",
         action="store_true",
@@ -172,7 +174,7 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--seconds",
-        type=spheres.rate,
+        type=POSITIVE,
         help=f"length of what lives in time ({SECONDS:.3g}: 50 pictures, 30 a second)",
     )
     return parser
@@ -310,7 +312,7 @@ def _cameras(first: Source, given: Path | None) -> tuple[list[Camera], str]:
     except (OSError, ValueError) as error:
         if given is not None:
             raise
-        return [], f"the one near the file is not used ({error})"
+        return [], f"the one near the file is not used ({worded(error)})"
 
 
 def _counted_from(origin: Vector, cameras: list[Camera]) -> list[Camera]:

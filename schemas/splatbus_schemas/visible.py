@@ -27,6 +27,13 @@ def visible(text: str, *, kept: str = "") -> str:
     return _ORDER.sub(lambda found: f"{found[1]}\\:" if found[1] else "#\\#", shown)
 
 
+def worded(error: Exception) -> str:
+    """What an error says to a person: of a file its path first, and no number."""
+    if not (isinstance(error, OSError) and error.strerror):
+        return visible(str(error))
+    return visible(f"{error.filename}: {error.strerror}" if error.filename else error.strerror)
+
+
 def _escape(character: str) -> str:
     number = ord(character)
     if number < 0x100:

@@ -47,6 +47,7 @@ def test_a_picture_that_cannot_be_taken_says_why(options, problem, tmp_path, cap
         ["view", "--rate", "0"],
         ["view", "--seconds", "-1"],
         ["snapshot", "a.png", "--pose", "1,2"],
+        ["view", "--ipc-port", "70000"],
         ["snapshot", "a.png", "--pose", "0,0,0,0,0,0,1", "--camera-index", "1"],
     ],
 )
@@ -56,10 +57,6 @@ def test_wrong_usage_is_refused(arguments):
     assert done.value.code == 2
 
 
-@pytest.mark.parametrize(
-    ("options", "problem"),
-    [(["--ipc-port", "70000"], "70000"), (["--token-file", "/no/such/file"], "No such file")],
-)
-def test_a_wrong_setting_is_refused(options, problem, capsys):
-    assert main(["view", *options]) == 2
-    assert problem in capsys.readouterr().err
+def test_a_token_that_cannot_be_read_is_refused(capsys):
+    assert main(["view", "--token-file", "/no/such/file"]) == 2
+    assert "/no/such/file: No such file" in capsys.readouterr().err

@@ -5,8 +5,8 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from splatbus_schemas import LIMITS
 from splatbus_schemas.requirements import requirements
+from splatbus_schemas.visible import worded
 
 from splatbus_conformance.cli.options import FORMATS
 from splatbus_conformance.plan import Plan, Side, Usage
@@ -31,7 +31,7 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
         arguments.launch,
         arguments.host,
         parse_ports(arguments.ports, usual_ports(starts_it)),
-        parse_size(arguments.viewport) if side == "client" else (0, 0),
+        arguments.viewport if side == "client" else (0, 0),
         arguments.patience or usual_patience(side, starts_it),
         profile=arguments.profile,
         seed=arguments.seed,
@@ -82,6 +82,8 @@ def wishes_of(side: Side, arguments: argparse.Namespace) -> RunOptions:
         files_of(arguments),
     )
     require_folder("--scripts", wishes.scripts)
+    if arguments.record:
+        require_folder("--record", Path(arguments.record))
     if wishes.write_expected:
         require_writable("--write-expected", wishes.write_expected)
     return wishes
@@ -101,7 +103,7 @@ def _expectations(name: str | None, side: Side) -> tuple[Expectation, ...]:
     try:
         return expected_failures.load(Path(name), selectable_on(side))
     except (ExpectationsError, OSError) as error:
-        raise Usage(f"--expect-failures: {error}") from None
+        raise Usage(f"--expect-failures: {worded(error)}") from None
 
 
 def parse_ports(text: str | None, default: tuple[int, int]) -> tuple[int, int]:
@@ -117,18 +119,6 @@ def parse_ports(text: str | None, default: tuple[int, int]) -> tuple[int, int]:
     if ipc == msg != 0:
         raise Usage(f"--ports {text}: IPC and message need a port each, such as 6001,6000")
     return ipc, msg
-
-
-def parse_size(text: str) -> tuple[int, int]:
-    """`WxH` as two numbers."""
-    try:
-        width, height = (int(part) for part in text.lower().split("x"))
-    except ValueError:
-        raise Usage(f"--viewport {text}: width and height are wanted, such as 1920x1080") from None
-    most = LIMITS["max_image_size"]
-    if not (1 <= width <= most and 1 <= height <= most):
-        raise Usage(f"--viewport {text}: images are 1 to {most} pixels wide and high")
-    return width, height
 
 
 def parse_share(text: str) -> float:

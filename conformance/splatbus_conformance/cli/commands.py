@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
+from splatbus_schemas.visible import worded
 
 from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import files_of, parse_ports, plan_of, wishes_of
@@ -55,7 +56,7 @@ def replay(arguments: argparse.Namespace, out: Console) -> int:
     try:
         script = load(Path(arguments.file))
     except OSError as error:
-        raise Usage(str(error)) from error
+        raise Usage(worded(error)) from error
     given = parser().parse_args([script.side, *arguments.how])
     return replay_script(script, plan_of(script.side, given), files_of(given), out)
 
@@ -85,10 +86,10 @@ def audit(arguments: argparse.Namespace, out: Console) -> int:
                 judged.append((name, audit_capture(capture.load(Path(name), *ports))))
             else:
                 judged.append((name, judge_recording(recording.read(Path(name)))))
-        except (OSError, recording.RecordingError) as error:
+        except recording.RecordingError as error:
             raise Usage(f"{name}: {error}") from error
-        except capture.CaptureError as error:
-            raise Usage(str(error)) from error
+        except (OSError, capture.CaptureError) as error:
+            raise Usage(worded(error)) from error
     return opinion(judged, peers_of(arguments), files, out, strict=arguments.strict)
 
 

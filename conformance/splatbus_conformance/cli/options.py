@@ -4,6 +4,7 @@ import argparse
 import re
 
 from splatbus_schemas import VERSIONS
+from splatbus_schemas.options import COUNT, POSITIVE, WHOLE, number, option
 
 from splatbus_conformance.run.options import USUAL_HOST
 from splatbus_conformance.selection import PROFILES
@@ -50,11 +51,11 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         "(conformance/STAND_IN_CUDA.md)",
     )
     where.add_argument(
-        "--patience", type=float, metavar="S", help="longest wait for a connection, in seconds"
+        "--patience", type=POSITIVE, metavar="S", help="longest wait for a connection, in seconds"
     )
     where.add_argument(
         "--parallel",
-        type=at_least_one,
+        type=COUNT,
         metavar="N",
         default=0,
         help="start N testees, each on ports of its own, and share the checks out; without it, as "
@@ -70,9 +71,9 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         "seeds for --minutes (%(default)s)",
     )
     what.add_argument(
-        "--minutes", type=float, metavar="N", default=10.0, help="length of a soak (%(default)g)"
+        "--minutes", type=POSITIVE, metavar="N", default=10.0, help="length of a soak (%(default)g)"
     )
-    what.add_argument("--seed", type=int, default=0, help="for the drawn cases (%(default)s)")
+    what.add_argument("--seed", type=WHOLE, default=0, help="for the drawn cases (%(default)s)")
     what.add_argument(
         "--select",
         metavar="TERM,…",
@@ -90,7 +91,7 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
 
     what.add_argument(
         "--within",
-        type=a_time,
+        type=option(_time, "time such as 90s, 5m or 1h"),
         metavar="T",
         default=0.0,
         help="a time that the run has to keep to, such as 90s or 5m: what matters most comes "
@@ -136,7 +137,7 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
     )
     written.add_argument(
         "--shrink",
-        type=float,
+        type=option(lambda text: number(text, 0), "number from 0 on, such as 10"),
         metavar="S",
         default=SHRINK_SECONDS,
         help="seconds, in all, to deliver failures again and make them small in (%(default)g)",
@@ -149,26 +150,17 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
     )
 
 
-def a_command(text: str) -> str:
-    """A command that can be started. Raises ArgumentTypeError."""
+def _words(text: str) -> str:
     if not text.strip():
-        raise argparse.ArgumentTypeError("a command is wanted, such as ./my-viewer")
+        raise ValueError
     return text
 
 
-def a_time(text: str) -> float:
-    """`90s`, `5m` or `1h` in seconds. Raises ArgumentTypeError."""
+def _time(text: str) -> float:
     told = _TIME.fullmatch(text)
     if told is None or not float(told[1]):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is no time: one is wanted such as 90s, 5m or 1h"
-        )
+        raise ValueError
     return float(told[1]) * {"s": 1.0, "m": 60.0, "h": 3600.0}[told[2]]
 
 
-def at_least_one(text: str) -> int:
-    """A number of testees. Raises ValueError, ArgumentTypeError."""
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"{number} testees are none: 1 or more are wanted")
-    return number
+COMMAND = option(_words, "command, such as ./my-viewer")

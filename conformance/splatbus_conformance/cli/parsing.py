@@ -5,12 +5,13 @@ import math
 import textwrap
 from typing import Any, NoReturn
 
+from splatbus_schemas.options import POSITIVE, SIZE
 from splatbus_schemas.version import ShowVersion
 from splatbus_schemas.visible import visible
 
 from splatbus_conformance.cli.examples import EXAMPLES
 from splatbus_conformance.cli.options import (
-    a_command,
+    COMMAND,
     format_options,
     live_options,
     recording_options,
@@ -62,17 +63,18 @@ def parser() -> argparse.ArgumentParser:
     )
     how = client.add_mutually_exclusive_group(required=True)
     how.add_argument(
-        "--launch", metavar="CMD", type=a_command, help="start this command, and judge it"
+        "--launch", metavar="CMD", type=COMMAND, help="start this command, and judge it"
     )
     how.add_argument(
         "--adapter",
         metavar="CMD",
-        type=a_command,
+        type=COMMAND,
         help="start this adapter, and judge the client beside it (conformance/ADAPTER.md)",
     )
     how.add_argument("--wait", action="store_true", help="wait for a client that you start")
     client.add_argument(
         "--viewport",
+        type=SIZE,
         metavar="WxH",
         default="{}x{}".format(*USUAL_SIZE),
         help="image size to announce (%(default)s); some clients insist on their own",
@@ -95,7 +97,7 @@ def parser() -> argparse.ArgumentParser:
     )
     how = server.add_mutually_exclusive_group(required=True)
     how.add_argument(
-        "--launch", metavar="CMD", type=a_command, help="start this command, and judge it"
+        "--launch", metavar="CMD", type=COMMAND, help="start this command, and judge it"
     )
     how.add_argument("--connect", action="store_true", help="judge a server that runs already")
     live_options(
@@ -167,7 +169,11 @@ def parser() -> argparse.ArgumentParser:
         help="what passes, for `audit` (%(default)s)",
     )
     proxy.add_argument(
-        "--seconds", type=float, metavar="S", default=math.inf, help="end by itself after so long"
+        "--seconds",
+        type=POSITIVE,
+        metavar="S",
+        default=math.inf,
+        help="end by itself after so long",
     )
     recording_options(proxy)
 

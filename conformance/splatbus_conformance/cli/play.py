@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+from splatbus_schemas.visible import worded
 
 from splatbus_conformance.observe.audit import Audit, AuditFinding, audit
 from splatbus_conformance.observe.judgement import opinion
@@ -44,7 +45,9 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
     """
     try:
         recorded = load(file)
-    except (OSError, RecordingError) as error:
+    except OSError as error:
+        raise Usage(worded(error)) from error
+    except RecordingError as error:
         raise Usage(f"{file}: {error}") from error
     whole, lacking = restored(recorded, own_token()) if plan.side == "server" else (recorded, 0)
     given = steps(whole, plan.side)

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from splatbus_schemas.options import POSITIVE, SIZE
 from splatbus_wire.settings import Settings
 
 from splatbus_viewer.window import MODES
@@ -43,7 +44,7 @@ def add(commands: Any, where: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--size",
-        type=_size,
+        type=SIZE,
         default=(1280, 800),
         metavar="WxH",
         help="of the window (1280x800); images follow it",
@@ -63,7 +64,7 @@ def add(commands: Any, where: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--timeout",
-        type=float,
+        type=POSITIVE,
         default=10.0,
         metavar="SECONDS",
         help="with --screenshot: give up after so long (%(default)g)",
@@ -79,8 +80,3 @@ def _window(where: Settings, options: argparse.Namespace) -> int:
         print(f"a window needs {problem.name or problem}; {extra}", file=sys.stderr)
         return 1
     return show(where, options)
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, height = map(int, text.lower().split("x"))
-    return width, height

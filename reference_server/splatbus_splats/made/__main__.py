@@ -7,6 +7,9 @@ import json
 import sys
 from pathlib import Path
 
+from splatbus_schemas.options import COUNT
+from splatbus_schemas.visible import worded
+
 from splatbus_splats.files import ply
 from splatbus_splats.made.garden import cameras, garden
 
@@ -17,14 +20,12 @@ def main(argv: list[str] | None = None) -> int:
         prog="python -m splatbus_splats.made",
         description="Make a garden of Gaussians, each time the same one.",
     )
-    parser.add_argument("count", type=int, help="how many Gaussians")
+    parser.add_argument("count", type=COUNT, help="how many Gaussians")
     parser.add_argument("file", type=Path, help="to write: .ply")
     parser.add_argument(
         "--cameras", type=Path, metavar="JSON", help="to write too: from where to see it"
     )
     options = parser.parse_args(argv)
-    if options.count < 1:
-        parser.error("a scene has 1 Gaussian or more")
     if options.file.suffix.lower() != ".ply":
         parser.error(f"{options.file}: its name does not end in .ply")
     try:
@@ -32,7 +33,7 @@ def main(argv: list[str] | None = None) -> int:
             options.cameras.write_text(json.dumps(cameras(), indent=1) + "\n", "utf-8")
         ply.write(options.file, garden(options.count))
     except (OSError, MemoryError) as error:
-        print(f"{parser.prog}: {error or 'memory is full'}", file=sys.stderr)
+        print(f"{parser.prog}: {worded(error) or 'memory is full'}", file=sys.stderr)
         return 1
     return 0
 

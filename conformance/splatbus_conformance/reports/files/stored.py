@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+from splatbus_schemas.visible import worded
 
 from splatbus_conformance.data import read_json
 from splatbus_conformance.plan import Usage
@@ -30,7 +31,7 @@ def load(path: Path) -> list[Report]:
     try:
         document = from_json(read_text(path))
     except OSError as error:
-        raise Usage(f"{path} cannot be read: {error.strerror}") from None
+        raise Usage(worded(error)) from None
     except ValueError as error:
         raise Usage(f"{path} is no JSON: {error}") from None
     found = islice(validator().iter_errors(document), MOST_FAULTS)

@@ -90,7 +90,7 @@ GOOD = brief(full_report())
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        (None, "cannot be read"),
+        (None, "No such file"),
         ("{", "is no JSON"),
         ("\xff", "is no JSON"),
         ("[]", "is no report: $: "),

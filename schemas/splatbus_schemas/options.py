@@ -1,0 +1,69 @@
+"""Options of the commands: whatever a person types wrong is told with what is right."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from splatbus_schemas import LIMITS
+
+T = TypeVar("T")
+LARGEST: int = LIMITS["max_image_size"]
+NEAREST_0 = math.ulp(0.0)
+FARTHEST = 1.7e308
+"""Whatever is finite, in round numbers."""
+
+
+def option(parse: Callable[[str], T], right: str) -> Callable[[str], T]:
+    """The `type` of an option: what `parse` raises ValueError for is no such thing.
+
+    Args:
+        parse: makes of a text what is wanted.
+        right: ends the sentence, such as "port from 0 to 65535, such as 6001".
+    """
+
+    def read(text: str) -> T:
+        try:
+            return parse(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"{text!r} is no {right}") from None
+
+    return read
+
+
+def number(text: str, least: float = -FARTHEST, most: float = FARTHEST) -> float:
+    """A number between these. Raises ValueError."""
+    found = float(text)
+    if not least <= found <= most:
+        raise ValueError
+    return found
+
+
+def whole(text: str, least: float = -math.inf, most: float = math.inf) -> int:
+    """A whole number between these. Raises ValueError."""
+    found = int(text)
+    if not least <= found <= most:
+        raise ValueError
+    return found
+
+
+def joined(words: Sequence[str], *names: str) -> list[str]:
+    """Join `--pose -1,0,0` to `--pose=-1,0,0`: what follows an option of these names is none."""
+    found: list[str] = []
+    for word in words:
+        found.append(f"{found.pop()}={word}" if found and found[-1] in names else word)
+    return found
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, height = (whole(it, 1, LARGEST) for it in text.lower().replace("×", "x").split("x"))
+    return width, height
+
+
+SIZE = option(_size, f"size such as 640x480, of 1 to {LARGEST} pixels either way")
+POSITIVE = option(lambda text: number(text, NEAREST_0), "number above 0, such as 2.5")
+WHOLE = option(whole, "whole number, such as 2")
+COUNT = option(lambda text: whole(text, 1), "whole number from 1 on, such as 4")
+PORT = option(lambda text: whole(text, 0, 65535), "port from 0 to 65535, such as 6001")
