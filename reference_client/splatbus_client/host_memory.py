@@ -11,6 +11,9 @@ from splatbus_wire.semantics import Semantics
 from splatbus_client.mapping import MemoryLostError, extent, map_memory, read
 
 Image = NDArray[np.float32]
+APART = (
+    "client and server have to be on one machine; in containers, with --ipc=host or one /dev/shm"
+)
 
 
 class CannotOpenError(Exception):
@@ -39,7 +42,10 @@ class HostImages:
         try:
             self.map = map_memory(memory, packet)
         except FileNotFoundError:
-            raise CannotOpenError(f"there is no shared memory {memory.name}") from None
+            raise CannotOpenError(f"there is no shared memory {memory.name}: {APART}") from None
+        except PermissionError as problem:
+            told = f"shared memory {memory.name}: {problem.strerror}"
+            raise CannotOpenError(f"{told}: client and server have to be one user's") from None
         except ProtocolError as problem:
             raise CannotOpenError(str(problem)) from None
         except (OSError, ValueError) as problem:

@@ -6,6 +6,7 @@ than it uses, and cut memory short while it is read.
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
 import stat
@@ -121,7 +122,11 @@ else:
         # What MEM-4 has a server make, nobody but its user and root can open. Another user's memory
         # that we can open is none of a server that conforms, and that user can cut it short.
         if os.geteuid() not in (status.st_uid, 0):
-            raise OSError(f"it belongs to user {status.st_uid}, and this is {os.geteuid()} [MEM-4]")
+            raise _anothers(status)
+
+    def _anothers(status: os.stat_result) -> PermissionError:
+        told = f"it belongs to user {status.st_uid}, and this is {os.geteuid()} [MEM-4]"
+        return PermissionError(errno.EACCES, told)
 
     def _populated(packet: InitPacket, status: os.stat_result) -> int:
         """The flag that has pages mapped now rather than one by one while images are read.
@@ -139,7 +144,10 @@ else:
                 raise OSError("it is a semaphore by its name")  # of sem_open, in the same folder
             # The flags of the C library's shm_open: no link is followed, no pipe waited for.
             flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
-            return os.open(f"/dev/shm/{name}", flags)
+            try:
+                return os.open(f"/dev/shm/{name}", flags)
+            except PermissionError:
+                raise _anothers(os.stat(f"/dev/shm/{name}")) from None
         # `SharedMemory` would hand the memory to a tracker that removes it when we exit.
         import _posixshmem  # type: ignore[import-not-found]
 

@@ -62,6 +62,7 @@ namespace SplatBus
         /// <summary>shm_open and mmap: a mapping of the framework would hold the memory by a descriptor, and follow a link.</summary>
         static class Unix
         {
+            const int NoEntry = 2, NoAccess = 13;
             const int ReadOnly = 0, NonBlocking = 0x800, ProtectionRead = 1, Shared = 1, FromEnd = 2;
 
             [DllImport("libc", SetLastError = true)] static extern int open(string path, int flags);
@@ -93,7 +94,14 @@ namespace SplatBus
                 if (isLinux && File.Exists(path) && (File.GetAttributes(path) & FileAttributes.ReparsePoint) != 0)
                     throw new IOException("the name is that of a link [SEC-2]");
                 int file = isLinux ? open(path, ReadOnly | NonBlocking) : shm_open("/" + name, ReadOnly, 0);
-                if (file < 0) throw new IOException("no shared memory of that name: error " + Marshal.GetLastWin32Error());
+                if (file < 0)
+                {
+                    int error = Marshal.GetLastWin32Error();
+                    string why = error == NoEntry ? "there is no shared memory " + name + ": client and server have to be on one machine; in containers, with --ipc=host or one /dev/shm"
+                        : error == NoAccess ? "shared memory " + name + " is another user's: client and server have to be one user's"
+                        : "shared memory " + name + ": error " + error;
+                    throw new IOException(why);
+                }
                 return file;
             }
 

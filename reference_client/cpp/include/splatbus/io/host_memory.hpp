@@ -59,7 +59,7 @@ class HostMemory final : public ImageMemory {
  private:
   std::string map(const std::string& name) {
     const HANDLE object = OpenFileMappingA(FILE_MAP_READ, FALSE, ("Local\\" + name).c_str());
-    if (object == nullptr) return "no shared memory of that name";
+    if (object == nullptr) return "there is no shared memory " + name + ": client and server have to be on one machine, in one session";
     // A view of more than there is fails: that is the measure [MEM-6].
     const void* view = MapViewOfFile(object, FILE_MAP_READ, 0, 0, size_);
     CloseHandle(object);
@@ -79,7 +79,9 @@ class HostMemory final : public ImageMemory {
 #else
     const int file = shm_open(("/" + name).c_str(), O_RDONLY, 0);
 #endif
-    if (file < 0) return "no shared memory of that name: " + std::system_category().message(errno);
+    if (file < 0 && errno == ENOENT) return "there is no shared memory " + name + ": client and server have to be on one machine; in containers, with --ipc=host or one /dev/shm";
+    if (file < 0 && errno == EACCES) return "shared memory " + name + " is another user's: client and server have to be one user's";
+    if (file < 0) return "shared memory " + name + ": " + std::system_category().message(errno);
     struct stat found {};
     std::string why;
     if (fstat(file, &found) != 0 || found.st_size < 0 || static_cast<std::size_t>(found.st_size) < size_) {
