@@ -12,6 +12,7 @@ import os
 import stat
 import sys
 import weakref
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,10 +145,11 @@ else:
                 raise OSError("it is a semaphore by its name")  # of sem_open, in the same folder
             # The flags of the C library's shm_open: no link is followed, no pipe waited for.
             flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+            path = Path("/dev/shm", name)
             try:
-                return os.open(f"/dev/shm/{name}", flags)
+                return os.open(path, flags)
             except PermissionError:
-                raise _anothers(os.stat(f"/dev/shm/{name}")) from None
+                raise _anothers(path.stat()) from None
         # `SharedMemory` would hand the memory to a tracker that removes it when we exit.
         import _posixshmem  # type: ignore[import-not-found]
 
