@@ -60,7 +60,7 @@ def source(path: Path) -> Source:
         return Source(name, name, sequence(path))
     except ValueError as error:
         raise ValueError(
-            f"{error}; a folder is served that has numbered files .ply or .splat, or a trained"
+            f"{error}; a folder is served that has numbered files of Gaussians, or a trained"
             " model, which has point_cloud/iteration_N/point_cloud.ply"
         ) from None
 

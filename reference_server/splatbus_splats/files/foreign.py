@@ -8,8 +8,8 @@ UNPACK = "unpack it, and serve the file that is in it"
 EXPORT = "export the Gaussians as a .ply"
 KINDS = (
     (b"version https://git-lfs", "a pointer of Git LFS: fetch the file itself with git lfs pull"),
-    (b"\x1f\x8b\x08", f"a file packed by gzip, as .spz is: {UNPACK}"),
-    (b"PK\x03\x04", f"an archive (zip), as .sog is: {UNPACK}"),
+    (b"\x1f\x8b\x08", f"a file packed by gzip: name it .spz if it is one, or {UNPACK}"),
+    (b"PK\x03\x04", f"an archive (zip): name it .sog if it is one, or {UNPACK}"),
     (b"7z\xbc\xaf\x27\x1c", f"an archive (7z): {UNPACK}"),
     (b"Rar!", f"an archive (rar): {UNPACK}"),
     (b"BZh", f"a file packed by bzip2: {UNPACK}"),

@@ -60,9 +60,7 @@ def vertices(file: BufferedReader, path: Path) -> Vertices:
     properties = {each.name: each for each in element.properties}
     if missing := [name for name in NEEDED if name not in properties]:
         hint = "it is a mesh or a cloud of points, and what 3DGS trains is point_cloud.ply"
-        if "packed_position" in properties:
-            hint = "it is a compressed one, to be exported as a plain .ply first"
-        elif missing == ["scale_2"]:
+        if missing == ["scale_2"]:
             hint = "its Gaussians are flat ones (2DGS), which are not drawn"
         elif CONSTANT[0] in properties:
             hint = "it is no plain file of 3DGS"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -14,15 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats.files import foreign, ply, spacetime, splat
+from splatbus_splats.files import foreign, packed, ply, spacetime, splat
 from splatbus_splats.files.spacetime import Motion
 from splatbus_splats.gaussians import NO_ORIGIN, Gaussians, Vector, empty
 
 STEP = 1 << 14
 """Gaussians at a time: what is worked on beside the result is 13 MB."""
-SUFFIXES = (".ply", ".splat")
-OTHERS = (".spz", ".ksplat", ".sog", ".splatv")
-"""Formats of others, which are told apart from what is no splat file at all."""
+SUFFIXES = (".ply", ".splat", *packed.FORMATS)
 
 BRIGHTEST = np.float32(1e36)
 """Of a harmonic: the sum of 16 is finite in float32 then."""
@@ -80,7 +79,7 @@ def met(path: Path) -> Met:
 
 
 def read(path: Path, progress: Progress | None = None, origin: Vector = NO_ORIGIN) -> Found:
-    """The Gaussians in a file of 3DGS (`.ply`) or a `.splat`, as its name says.
+    """The Gaussians in a file of 3DGS (`.ply`), a `.splat` or one that is packed, as its name says.
 
     Those are left out of which a number is not finite once it is decoded, which a zero scale or an
     opacity of 1 is, a standard deviation negative, or the quaternion zero. Memory for one copy of
@@ -94,6 +93,7 @@ def read(path: Path, progress: Progress | None = None, origin: Vector = NO_ORIGI
     Raises:
         ValueError: it is no such file; the message names it, and what is wrong where.
         OSError: it cannot be read.
+        ImportError: it is packed, and gaussforge is not installed.
     """
     doubts = []
     with _opened(path) as (file, size):
@@ -126,7 +126,7 @@ def sequence(folder: Path) -> list[Path]:
         if each.suffix.lower() in SUFFIXES and not each.name.startswith(".") and each.is_file()
     ]
     if not found:
-        raise ValueError(f"{folder}: no files {' or '.join(SUFFIXES)} are in it")
+        raise ValueError(f"{folder}: no file of {' '.join(SUFFIXES)} is in it")
     if len(found) == 1:
         return found
     by_number: dict[int, Path] = {}
@@ -144,16 +144,25 @@ def sequence(folder: Path) -> list[Path]:
 def _opened(path: Path) -> Iterator[tuple[BufferedReader, int]]:
     """A splat file by its name, and its bytes; errors as of `read`."""
     suffix, size = path.suffix.lower(), path.stat().st_size
-    if suffix in OTHERS:
-        raise ValueError(f"{path}: {suffix} is not read: export the scene as a plain .ply first")
     with path.open("rb") as file:
         if not size:
             raise ValueError(f"{path}: the file is empty")
-        if other := foreign.recognised(file.peek(foreign.MOST)[: foreign.MOST]):
+        first = file.peek(foreign.MOST)
+        kind, other = packed.format_of(path, first), foreign.recognised(first[: foreign.MOST])
+        if other and not (kind and first.startswith(packed.BEGINS)):
             raise ValueError(f"{path}: no splat file: it is {other}")
         if suffix not in SUFFIXES:
-            raise ValueError(f"{path}: no splat file: its name ends in neither .ply nor .splat")
-        yield file, size
+            raise ValueError(
+                f"{path}: no splat file: its name ends in none of {' '.join(SUFFIXES)}"
+            )
+        if not kind:
+            yield file, size
+            return
+    with tempfile.TemporaryDirectory(prefix="splatbus-") as folder:
+        plain = Path(folder, "plain.ply")
+        packed.unpack(path, kind, plain)
+        with plain.open("rb") as file:
+            yield file, plain.stat().st_size
 
 
 def _gathered(

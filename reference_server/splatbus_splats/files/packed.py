@@ -1,0 +1,85 @@
+"""Files of formats that pack Gaussians: made a plain .ply by gaussforge, in another process.
+
+A broken file may end that process, which has limits of memory and time, and not the server.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from contextlib import suppress
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+FORMATS = {".spz": "spz", ".sog": "sog", ".ksplat": "ksplat"}
+COMPRESSED = "compressed.ply"
+BEGINS = (b"\x1f\x8b", b"PK")
+"""How such files begin, as others that are packed do: .spz as gzip, .sog as zip."""
+MOST_SECONDS = 300
+MOST_BYTES = 8 << 30
+"""Of memory, and of the plain file: ten million Gaussians with all harmonics take 7."""
+
+
+def format_of(path: Path, first: bytes) -> str:
+    """What gaussforge calls the format of a file; empty for those that are read without it.
+
+    Args:
+        path: whose name tells it.
+        first: bytes of the file, which tell a compressed .ply from a plain one.
+    """
+    if path.suffix.lower() == ".ply":
+        return COMPRESSED if b"\nproperty uint packed_position" in first else ""
+    return FORMATS.get(path.suffix.lower(), "")
+
+
+def unpack(path: Path, kind: str, plain: Path) -> None:
+    """Writes a plain .ply of the same Gaussians.
+
+    Args:
+        path: of the file.
+        kind: its format, as gaussforge calls it.
+        plain: the file to write.
+
+    Raises:
+        ValueError: it cannot be read; the message names it, and why.
+        ImportError: gaussforge is not installed.
+    """
+    if find_spec("gaussforge") is None:
+        raise ImportError(f"{path}: .{kind} is read by gaussforge, which is not installed")
+    line = (sys.executable, "-m", __name__, str(path), kind, str(plain))
+    try:
+        done = subprocess.run(line, capture_output=True, text=True, timeout=MOST_SECONDS)
+    except subprocess.TimeoutExpired:
+        raise ValueError(f"{path}: it takes longer than {MOST_SECONDS} s to read") from None
+    if done.returncode:
+        why = done.stderr.strip().rpartition("\n")[2]
+        why = why or f"it is broken: what reads it ended with {done.returncode}"
+        raise ValueError(f"{path}: no .{kind} that can be read: {why}")
+
+
+def main(words: list[str]) -> int:
+    """In the process of its own."""
+    path, kind, plain = words
+    with suppress(ImportError):  # where the system has no such limits
+        resource = import_module("resource")
+        for what, most in (("AS", MOST_BYTES), ("FSIZE", MOST_BYTES), ("CORE", 0)):
+            resource.setrlimit(getattr(resource, f"RLIMIT_{what}"), (most, most))
+    try:
+        given = (
+            import_module("gaussforge").GaussForge().convert(Path(path).read_bytes(), kind, "ply")
+        )
+        if why := given.get("error"):
+            raise ValueError(why)
+        if not given["data"]:
+            raise ValueError("it is cut short, or of an unknown version")
+        Path(plain).write_bytes(given["data"])
+    except MemoryError:
+        sys.exit("it takes too much memory")
+    except Exception as error:
+        sys.exit(str(error))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
