@@ -68,8 +68,8 @@ examples:
 
 files (needs pip install 'splatbus-protocol[splats]'):
   .ply as 3DGS writes it, with Gaussians that live in time too (Spacetime Gaussians, lite), or
-  compressed; .splat, .spz, .sog and .ksplat. The first is the object "default", which clients of
-  1.0 can move as well; the others are called as their files. What changes plays by itself until
+  compressed; .splat, .spz, .sog, .ksplat, glTF. The first is the object "default", which clients
+  of 1.0 can move as well; the others are called as their files. What changes plays by itself until
   a client sets the time.
   Images are 640x480 unless --size is given; those of the spheres, 320x240.
   The view begins at the first camera of --cameras, or of a cameras.json beside the first file or

@@ -324,9 +324,9 @@ REST = " properties f_rest_*, where there are 0, 9, 24, 45"
         ("a.ply", b"", "the file is empty"),
         ("a.splat", b"", "the file is empty"),
         ("a.ply", b"Dear diary", "no PLY file: its first line"),
-        ("a.txt", b"Dear diary", "ends in none of .ply .splat .spz .sog .ksplat"),
-        ("a.ksplat", bytes(64), "no .ksplat that can be read: "),
-        ("a.SPZ", bytes(64), "no .spz that can be read: it is cut short"),
+        ("a.txt", b"Dear diary", "ends in none of .ply .splat .spz .sog .ksplat .glb .gltf"),
+        ("a.ksplat", bytes(64), "no ksplat that can be read: "),
+        ("a.SPZ", bytes(64), "no spz that can be read: it is cut short"),
         ("a.spz", b"<html>", "it is a page of the web"),
         ("a.splat", bytes(70), "the Gaussian at byte 64 is cut short"),
         ("a.splat", b"ply\n" + bytes(60), "it is a .ply"),
@@ -336,10 +336,10 @@ REST = " properties f_rest_*, where there are 0, 9, 24, 45"
         ("a.splat", b"\n<!DOCTYPE html>", "it is a page of the web"),
         ("a.ply", b"\x1f\x8b\x08" + bytes(9), "packed by gzip: name it .spz if it is one"),
         ("a.ply", bytes(257) + b"ustar", "it is an archive (tar)"),
-        ("scene.glb", b"glTF" + bytes(60), "it is a glTF: export"),
+        ("a.ply", b"glTF" + bytes(60), "it is a glTF: name it .glb"),
         ("a.ply", POINTS, "no property f_dc_0, "),
         ("a.ply", POINTS, "it is a mesh or a cloud of points"),
-        ("a.ply", np.zeros(3, [("packed_position", "u4")]), "no .compressed.ply that can be "),
+        ("a.ply", np.zeros(3, [("packed_position", "u4")]), "no compressed.ply that can be "),
         ("a.ply", without("scale_2"), "flat ones (2DGS), which are not drawn"),
         ("a.ply", without("opacity"), "it is no plain file of 3DGS"),
         ("a.ply", without("f_dc_0"), "it is a mesh or a cloud of points"),
@@ -460,7 +460,7 @@ def test_what_is_changed_is_read_or_refused_and_nothing_else(
 
 
 def test_a_folder_is_in_the_order_of_its_numbers(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"no file of .ply .splat .spz .sog .ksplat is in it"):
+    with pytest.raises(ValueError, match=r"no file of .ply .splat .spz .* .gltf is in it"):
         sequence(tmp_path)
     (tmp_path / "scene.ply").touch()
     (tmp_path / "._scene.ply").touch()  # as macOS leaves beside what it copies

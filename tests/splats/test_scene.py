@@ -190,7 +190,7 @@ def test_the_last_iteration_of_a_model_is_served_with_its_cameras(tmp_path: Path
     deep = folder / "point_cloud" / "b" / "c"
     assert cameras_near(deep / "a.ply") == folder / "cameras.json"
     assert cameras_near(deep / "d" / "a.ply") is None
-    with pytest.raises(ValueError, match=r"no files .* numbered files .*iteration_N"):
+    with pytest.raises(ValueError, match=r"no file of .* numbered files .*iteration_N"):
         source(tmp_path)
 
 

@@ -102,10 +102,11 @@ def blocks(
         yield part
 
 
-def write(path: Path, rows: Rows) -> None:
+def write(path: Path, rows: Rows, *comments: str) -> None:
     """Writes vertices of numbers in float32, little-endian."""
     names = rows.dtype.names or ()
-    lines = ["ply", f"format binary_little_endian 1.0\nelement vertex {len(rows)}"]
+    lines = ["ply", "format binary_little_endian 1.0", *(f"comment {each}" for each in comments)]
+    lines += [f"element vertex {len(rows)}"]
     lines += [f"property float {name}" for name in names]
     with path.open("wb") as file:
         file.write("".join(f"{line}\n" for line in (*lines, "end_header")).encode("ascii"))

@@ -15,7 +15,7 @@ KINDS = (
     (b"BZh", f"a file packed by bzip2: {UNPACK}"),
     (b"\xfd7zXZ", f"a file packed by xz: {UNPACK}"),
     (b"\x28\xb5\x2f\xfd", f"a file packed by zstd: {UNPACK}"),
-    (b"glTF", f"a glTF: {EXPORT}"),
+    (b"glTF", "a glTF: name it .glb"),
     (b"\x89PNG", f"a PNG: {EXPORT}"),
     (b"\xff\xd8\xff", f"a JPEG: {EXPORT}"),
     (b"LASF", f"a cloud of points (LAS): {EXPORT}"),

@@ -1,4 +1,4 @@
-"""Files of formats that pack Gaussians: made a plain .ply by gaussforge, in another process.
+"""Files that are no plain .ply: made one by libraries that read them, in another process.
 
 A broken file may end that process, which has limits of memory and time, and not the server.
 """
@@ -12,17 +12,21 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
-FORMATS = {".spz": "spz", ".sog": "sog", ".ksplat": "ksplat"}
+from splatbus_splats.files import gltf, ply
+
+GLTF = "glTF"
+FORMATS = {".spz": "spz", ".sog": "sog", ".ksplat": "ksplat", ".glb": GLTF, ".gltf": GLTF}
+"""What gaussforge calls them; glTF is read by pygltflib."""
 COMPRESSED = "compressed.ply"
-BEGINS = (b"\x1f\x8b", b"PK")
-"""How such files begin, as others that are packed do: .spz as gzip, .sog as zip."""
+BEGINS = (b"\x1f\x8b", b"PK", b"glTF")
+"""How some begin, as others do that are none: .spz as gzip, .sog as zip."""
 MOST_SECONDS = 300
 MOST_BYTES = 8 << 30
 """Of memory, and of the plain file: ten million Gaussians with all harmonics take 7."""
 
 
 def format_of(path: Path, first: bytes) -> str:
-    """What gaussforge calls the format of a file; empty for those that are read without it.
+    """The format of a file; empty for those that are read without a library.
 
     Args:
         path: whose name tells it.
@@ -38,15 +42,16 @@ def unpack(path: Path, kind: str, plain: Path) -> None:
 
     Args:
         path: of the file.
-        kind: its format, as gaussforge calls it.
+        kind: its format.
         plain: the file to write.
 
     Raises:
         ValueError: it cannot be read; the message names it, and why.
-        ImportError: gaussforge is not installed.
+        ImportError: what reads it is not installed.
     """
-    if find_spec("gaussforge") is None:
-        raise ImportError(f"{path}: .{kind} is read by gaussforge, which is not installed")
+    library = "pygltflib" if kind == GLTF else "gaussforge"
+    if find_spec(library) is None:
+        raise ImportError(f"{path}: {kind} is read by {library}, which is not installed")
     line = (sys.executable, "-m", __name__, str(path), kind, str(plain))
     try:
         done = subprocess.run(line, capture_output=True, text=True, timeout=MOST_SECONDS)
@@ -55,7 +60,7 @@ def unpack(path: Path, kind: str, plain: Path) -> None:
     if done.returncode:
         why = done.stderr.strip().rpartition("\n")[2]
         why = why or f"it is broken: what reads it ended with {done.returncode}"
-        raise ValueError(f"{path}: no .{kind} that can be read: {why}")
+        raise ValueError(f"{path}: no {kind} that can be read: {why}")
 
 
 def main(words: list[str]) -> int:
@@ -66,9 +71,11 @@ def main(words: list[str]) -> int:
         for what, most in (("AS", MOST_BYTES), ("FSIZE", MOST_BYTES), ("CORE", 0)):
             resource.setrlimit(getattr(resource, f"RLIMIT_{what}"), (most, most))
     try:
-        given = (
-            import_module("gaussforge").GaussForge().convert(Path(path).read_bytes(), kind, "ply")
-        )
+        if kind == GLTF:
+            ply.write(Path(plain), gltf.read(Path(path)), "Vertical Axis: y")
+            return 0
+        converter = import_module("gaussforge").GaussForge()
+        given = converter.convert(Path(path).read_bytes(), kind, "ply")
         if why := given.get("error"):
             raise ValueError(why)
         if not given["data"]:

@@ -119,7 +119,7 @@ def is_activated(rows: NDArray[Any]) -> bool:
     )
 
 
-def write(path: Path, gaussians: Gaussians) -> None:
+def write(path: Path, gaussians: Gaussians, *comments: str) -> None:
     """Writes them as 3DGS does, little-endian; scales of 0, opacities of 0 and 1 as infinities."""
     K = gaussians.coefficients.shape[1]
     names = (*PLACE, "nx", "ny", "nz", *CONSTANT, *_rest(3 * (K - 1)), "opacity", *SCALE, *TURN)
@@ -138,7 +138,7 @@ def write(path: Path, gaussians: Gaussians) -> None:
     for group, values in columns.items():
         for name, column in zip(group, values.T):
             rows[name] = column
-    container.write(path, rows)
+    container.write(path, rows, *comments)
 
 
 @np.errstate(over="ignore", under="ignore")  # what is infinite in float32 is left out later
