@@ -11,6 +11,7 @@ from splatbus_schemas.visible import worded
 
 from splatbus_conformance.cases.script import load
 from splatbus_conformance.cli.arguments import files_of, parse_ports, plan_of, wishes_of
+from splatbus_conformance.cli.compare import compare
 from splatbus_conformance.cli.parsing import parser
 from splatbus_conformance.cli.replay import replay_script
 from splatbus_conformance.cli.requirements import PEERS, print_explanation, print_list
@@ -138,5 +139,17 @@ def explain(arguments: argparse.Namespace, out: Console) -> int:
 
 COMMANDS = {
     it.__name__.rstrip("_"): it
-    for it in (client, server, replay, audit, proxy, report, demo, selftest, list_, explain)
+    for it in (
+        client,
+        server,
+        replay,
+        audit,
+        proxy,
+        report,
+        compare,
+        demo,
+        selftest,
+        list_,
+        explain,
+    )
 }

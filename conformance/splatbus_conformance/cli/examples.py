@@ -44,6 +44,13 @@ examples:
   splatbus-conformance server --connect --ports 6001,6000
       judge one that runs already
 """,
+    "compare": """\
+examples:
+  splatbus-conformance compare before.json after.json
+      what was mended, and what broke
+  splatbus-conformance compare reports --html gallery.html
+      a page about all programs of which a report lies in the folder
+""",
     "replay": """\
 examples:
   splatbus-conformance replay splatbus-failures/FRM-3-bad_length_closes.json \\

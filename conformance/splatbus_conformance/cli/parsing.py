@@ -191,6 +191,20 @@ def parser() -> argparse.ArgumentParser:
     what.add_argument("--schema", action="store_true", help="print the schema of such a file")
     format_options(report, "junit", "html", "markdown", "badge")
 
+    compare = commands_.add_parser(
+        "compare",
+        help="show several stored reports beside each other",
+        **_prose(
+            "compare",
+            "Show what several programs, or versions of one, keep and break, from what runs wrote "
+            "with --json: a table of the requirements that not all meet, and what was mended or "
+            "broken from each report on a testee to the next. Sides and versions of the harness "
+            "have a table each.",
+        ),
+    )
+    compare.add_argument("reports", nargs="+", metavar="REPORT", help="a file, or a folder of them")
+    format_options(compare, "markdown", "html")
+
     demo = commands_.add_parser("demo", help="judge the reference client")
     format_options(demo)
 

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+from collections.abc import Sequence
 from functools import cache, partial
 from importlib.resources import files
 
@@ -9,10 +10,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 from splatbus_schemas.requirements import requirements
 
+from splatbus_conformance.reports import comparison
+from splatbus_conformance.reports.comparison import Comparison
 from splatbus_conformance.reports.files.as_json import Report
 from splatbus_conformance.reports.files.html import plots, text
 from splatbus_conformance.reports.files.html.clauses import CLAUSES
 from splatbus_conformance.reports.files.html.view import Limits, view_of
+from splatbus_conformance.reports.files.markdown import VERDICTS
 from splatbus_conformance.reports.files.results import why_unseen
 from splatbus_conformance.reports.terminal import words
 
@@ -36,20 +40,32 @@ def html_report(*reports: Report) -> str:
     return page
 
 
-def _rendered(reports: tuple[Report, ...], limits: Limits) -> str:
-    style = files(__package__).joinpath("page.css").read_text("utf-8")
-    digest = base64.b64encode(hashlib.sha256(style.encode("utf-8")).digest()).decode("ascii")
-    shown = enumerate(reports[: limits.few], 1)
-    return _template(limits).render(
-        reports=reports,
-        views=[view_of(report, number, limits) for number, report in shown],
-        style=Markup(style),
-        style_digest=digest,
+def html_comparison(found: Sequence[Comparison]) -> str:
+    """A page of reports beside each other; it loads nothing and runs nothing."""
+    return _template(Limits(), "comparison.html.j2").render(
+        comparisons=found,
+        circumstances=comparison.circumstances,
+        told=comparison.told,
+        alike=comparison.alike,
+        words=VERDICTS,
+        **_style(),
     )
 
 
+def _rendered(reports: tuple[Report, ...], limits: Limits) -> str:
+    shown = enumerate(reports[: limits.few], 1)
+    views = [view_of(report, number, limits) for number, report in shown]
+    return _template(limits).render(reports=reports, views=views, **_style())
+
+
+def _style() -> dict[str, str]:
+    style = files(__package__).joinpath("page.css").read_text("utf-8")
+    digest = base64.b64encode(hashlib.sha256(style.encode("utf-8")).digest()).decode("ascii")
+    return {"style": Markup(style), "style_digest": digest}
+
+
 @cache
-def _template(limits: Limits) -> Template:
+def _template(limits: Limits, name: str = "page.html.j2") -> Template:
     """The page, which cuts whatever text it prints, and shows each character of it."""
     environment = Environment(
         loader=PackageLoader("splatbus_conformance", "reports/files/html"),
@@ -75,4 +91,4 @@ def _template(limits: Limits) -> Template:
         "ids": partial(text.parts, marked=text.ID),
         "code": partial(text.parts, marked=text.CODE),
     }
-    return environment.get_template("page.html.j2")
+    return environment.get_template(name)
