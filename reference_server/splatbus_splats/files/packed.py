@@ -54,7 +54,7 @@ def unpack(path: Path, kind: str, plain: Path) -> None:
         raise ImportError(f"{path}: {kind} is read by {library}, which is not installed")
     line = (sys.executable, "-m", __name__, str(path), kind, str(plain))
     try:
-        done = subprocess.run(line, capture_output=True, text=True, timeout=MOST_SECONDS)
+        done = subprocess.run(line, capture_output=True, errors="replace", timeout=MOST_SECONDS)
     except subprocess.TimeoutExpired:
         raise ValueError(f"{path}: it takes longer than {MOST_SECONDS} s to read") from None
     if done.returncode:
@@ -66,9 +66,9 @@ def unpack(path: Path, kind: str, plain: Path) -> None:
 def main(words: list[str]) -> int:
     """In the process of its own."""
     path, kind, plain = words
-    with suppress(ImportError):  # where the system has no such limits
-        resource = import_module("resource")
-        for what, most in (("AS", MOST_BYTES), ("FSIZE", MOST_BYTES), ("CORE", 0)):
+    for what, most in (("AS", MOST_BYTES), ("FSIZE", MOST_BYTES), ("CORE", 0)):
+        with suppress(ImportError, ValueError, OSError):  # where the system has no such limit
+            resource = import_module("resource")
             resource.setrlimit(getattr(resource, f"RLIMIT_{what}"), (most, most))
     try:
         if kind == GLTF:
@@ -83,8 +83,10 @@ def main(words: list[str]) -> int:
         Path(plain).write_bytes(given["data"])
     except MemoryError:
         sys.exit("it takes too much memory")
-    except Exception as error:
+    except (ValueError, OSError) as error:
         sys.exit(str(error))
+    except Exception as error:
+        sys.exit(f"it is malformed: {type(error).__name__} {error}")
     return 0
 
 
