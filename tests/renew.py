@@ -42,7 +42,7 @@ def main() -> int:
 
 def contents() -> dict[str, bytes]:
     """What each file of the project holds."""
-    listed = subprocess.run(("git", "ls-files"), cwd=ROOT, capture_output=True, text=True)
+    listed = subprocess.run(("git", "ls-files", "--cached", "--others", "--exclude-standard"), cwd=ROOT, capture_output=True, text=True)
     paths = [ROOT / name for name in listed.stdout.splitlines()]
     return {str(it.relative_to(ROOT)): it.read_bytes() for it in paths if it.is_file()}
 
