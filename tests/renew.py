@@ -41,8 +41,9 @@ def main() -> int:
 
 
 def contents() -> dict[str, bytes]:
-    """What each file of the project holds."""
-    listed = subprocess.run(("git", "ls-files", "--cached", "--others", "--exclude-standard"), cwd=ROOT, capture_output=True, text=True)
+    """What each file of the project holds, also one that is new."""
+    command = ("git", "ls-files", "--cached", "--others", "--exclude-standard")
+    listed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     paths = [ROOT / name for name in listed.stdout.splitlines()]
     return {str(it.relative_to(ROOT)): it.read_bytes() for it in paths if it.is_file()}
 
