@@ -69,6 +69,8 @@ class Result:
     """Of a failure, which of the ways to fail this check it is: by this it is told from others,
     however the text puts it.
     """
+    pictures: tuple[tuple[str, str], ...] = ()
+    """Of the image that a failure is about: a title and a PNG in base64 each."""
 
 
 def worst(results: Iterable[Result]) -> Verdict:

@@ -15,6 +15,7 @@ from splatbus_conformance.cases.drawing import leave_nothing_where_the_user_work
 from splatbus_conformance.cases.script import Script, as_text, from_text
 from splatbus_conformance.checks import Check
 from splatbus_conformance.checks.registry import checks_of
+from splatbus_conformance.images.pictures import Picture
 from splatbus_conformance.plan import Plan
 from splatbus_conformance.reports import latencies
 from splatbus_conformance.reports.findings import Traffic
@@ -156,6 +157,7 @@ class Checker:
     def _played(self, check: Check) -> Result:
         began, code, script = time.monotonic(), "", ""
         evidence: tuple[str, ...] = ()
+        shown: tuple[Picture, ...] = ()
         try:
             trial = self._trial(check)
             check.play(trial)
@@ -167,6 +169,7 @@ class Checker:
             text = str(broken) + (self._last_words() if self.testbed.testee.ended() else "")
             evidence = self._evidence(check.requirement)
             script = self._script(check.requirement, check.name, by_rule=False)
+            shown = self.trial_now.pictures() if self.trial_now else ()
         except Exception as error:
             verdict, text = Verdict.ERROR, _of_ours(error)
             lines = "".join(traceback.format_exception(error)).splitlines()
@@ -186,6 +189,7 @@ class Checker:
             delivered=now.delivered if now else 0,
             missed=verdict is Verdict.SKIP and now is not None and late,
             code=code,
+            pictures=shown,
         )
 
     def _trial(self, check: Check) -> Trial:

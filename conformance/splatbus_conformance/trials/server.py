@@ -4,8 +4,12 @@ import contextlib
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
+import numpy as np
 from splatbus_schemas.requirements import Requirement
 
+from splatbus_conformance.images.captured import CapturedFrame
+from splatbus_conformance.images.known_scene import render
+from splatbus_conformance.images.pictures import Picture, pictures_of
 from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import controls
 from splatbus_conformance.trials.scripted_client import DialledConnection, ScriptedClient
@@ -42,6 +46,8 @@ class ServerTrial(Trial):
         self.facts = facts
         self.peer.on_open = viewer.on_open
         self.peer.on_message = viewer.on_message
+        self.judged: CapturedFrame | None = None
+        """The last image that was copied."""
         self._mover: Connection | None = None
         self._unheard = False
         """A connection was neither closed nor served."""
@@ -49,6 +55,16 @@ class ServerTrial(Trial):
     def with_(self, connection: Connection) -> DialledConnection:
         """What was said on a connection."""
         return self.viewer.with_(connection)
+
+    def pictures(self) -> tuple[Picture, ...]:
+        """As of every trial; beside what belongs there, where the scene is known."""
+        if self.judged is None:
+            return ()
+        exact = None
+        if self.facts.scene_known:
+            with np.errstate(all="ignore"):  # a camera may be anywhere
+                exact = render(self.judged.camera, self.facts.setting(self.judged.frame))
+        return pictures_of(self.judged, exact)
 
     # Meeting the testee
 

@@ -12,6 +12,7 @@ from splatbus_conformance.cases.drawing import climb, draw
 from splatbus_conformance.cases.script import Case, Rows
 from splatbus_conformance.images.memory.cuda_stand_in.session import StandIn
 from splatbus_conformance.images.memory.device import Device
+from splatbus_conformance.images.pictures import Picture
 from splatbus_conformance.measurements import Measurements
 from splatbus_conformance.trials.testee.process import Testee
 from splatbus_conformance.wire.recording import Channel, Entry
@@ -267,6 +268,10 @@ class Trial:
         """What becomes of scripts on a connection of either channel, by that channel's control."""
         by = self.outcome_on_ipc if connection.channel == "ipc" else self.outcome_on_msg
         return by(connection, *scripts)
+
+    def pictures(self) -> tuple[Picture, ...]:
+        """Of the last image that was judged, if there is one."""
+        return ()
 
     def rest(self, seconds: float) -> None:
         """Let time pass, and handle what happens in it."""

@@ -30,6 +30,7 @@ EVERY_VERDICT = (
     Result(
         *("FRM-3", "rule", Level.PASSIVE, Verdict.FAIL, "seen", ("line <&>", "> 7b"), 0.2),
         smallest="one case",
+        pictures=(("what came", "AAAA+/=="),),
         replay="splatbus-conformance replay a.json --launch cmd",
         code="hangs",
     ),
@@ -55,6 +56,7 @@ def failure(text: str) -> Result:
         *("FRM-3", "check_a", Level.WIRE, Verdict.FAIL, text, (text, text), 0.2),
         smallest=text,
         replay=f"splatbus-conformance replay {text}",
+        pictures=((text, "AAAA"),),
     )
 
 

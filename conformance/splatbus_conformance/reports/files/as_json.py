@@ -87,4 +87,5 @@ def _result(result: Result) -> dict[str, Any]:
         "measurements": [it.as_json() for it in result.measurements],
         "smallest": result.smallest,
         "replay": result.replay,
+        "pictures": [{"title": title, "png": png} for title, png in result.pictures],
     }

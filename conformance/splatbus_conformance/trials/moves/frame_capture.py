@@ -130,7 +130,10 @@ class FrameCapture:
     def _copy(self, frame: Json) -> CapturedFrame | None:
         if self.dealings.memory is None or not self.dealings.init_packets:
             return None
-        return photograph_of(frame, self.dealings.memory, self.dealings.init_packets[-1])
+        init_packet = self.dealings.init_packets[-1]
+        photograph = photograph_of(frame, self.dealings.memory, init_packet)
+        self.trial.judged = photograph or self.trial.judged
+        return photograph
 
 
 def aside(pose: Pose) -> Pose:

@@ -130,6 +130,7 @@ def test_however_much_there_is_it_stays_small_and_says_what_is_left_out(characte
     told = report["requirements"][0]
     result = told["results"][0]
     result["evidence"] = [character * 100_000, *[character * 80] * 3000, character * 100_000]
+    result["pictures"] = [{"title": character * 1000, "png": "A" * 300_000}] * 3
     told["results"] = [result] * 600
     report["requirements"] *= 2
     report["latencies"] *= 3000

@@ -87,6 +87,7 @@ def _template(limits: Limits, name: str = "page.html.j2") -> Template:
         "transcript": partial(text.transcript, most=limits.characters),
         "duration": plots.duration,
         "digits": plots.digits,
+        "base64": text.base64,
         "cut": partial(text.cut, most=limits.sentence),
         "ids": partial(text.parts, marked=text.ID),
         "code": partial(text.parts, marked=text.CODE),

@@ -4,12 +4,14 @@ import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from markupsafe import Markup
 from splatbus_schemas.visible import visible
 
 from splatbus_conformance.wire.transcript import INDENT, MARK
 
 HEX = re.compile("([0-9a-f]{2} )*[0-9a-f]{2}( …|$)")
 ID = re.compile("([A-Z]{3}-[0-9]+)")
+BASE64 = re.compile("[A-Za-z0-9+/=]+")
 CODE = re.compile("`([^`]*)`")
 ALL_OF_IT = "all of it is in the JSON report, and of a run with --record in its recordings"
 
@@ -30,6 +32,11 @@ def shown(value: Any, most: int) -> Any:
         return value
     text = cut(value, most)
     return text if text.isprintable() else visible(text, kept="\n\t")
+
+
+def base64(value: str) -> Markup:
+    """What may stand in an address of data as it is, however long; nothing else of a text."""
+    return Markup("".join(BASE64.findall(value)))
 
 
 def cut(text: str, most: int) -> str:

@@ -30,6 +30,8 @@ class Limits(NamedTuple):
     """Of a list that is short as a rule: the results of one requirement, complaints, reasons."""
     characters: int = 8_000
     """Of a transcript."""
+    pictures: int = 12
+    """Failures that are shown with theirs."""
 
     @property
     def sentence(self) -> int:
@@ -38,7 +40,8 @@ class Limits(NamedTuple):
 
     def half(self) -> "Limits":
         """For a page that was too large."""
-        return Limits(max(self.items // 2, 1), max(self.few // 2, 1), max(self.characters // 2, 16))
+        texts = max(self.items // 2, 1), max(self.few // 2, 1), max(self.characters // 2, 16)
+        return Limits(*texts, self.pictures // 2)
 
 
 def view_of(report: Report, number: int, limits: Limits) -> dict[str, Any]:
