@@ -361,9 +361,9 @@ def whole(state: dict[str, Any]) -> bool:
 def sentences(state: dict[str, Any]) -> list[str]:
     """How far it is, and everything that is wrong."""
     tasks: dict[str, Outcome] = state["tasks"]
-    total = sum(1 for _ in plan())
+    planned = {task.name for task in plan()}
     return [
-        f"{len(tasks)} of {total} tasks in {state['seconds'] / 3600:.1f} h; "
+        f"{len(planned & tasks.keys())} of {len(planned)} tasks in {state['seconds'] / 3600:.1f} h; "
         + ("; ".join(state["mutants"]) or "no mutants yet"),
         *(f"{name}: {'; '.join(it['wrong'])}" for name, it in tasks.items() if it["wrong"]),
         *differing(tasks),

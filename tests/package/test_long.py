@@ -84,6 +84,7 @@ def test_what_is_not_committed_has_no_result(result, monkeypatch, capsys):
 def test_how_far_it_is_behind_is_told(result, monkeypatch, whole, count, told):
     assert "no result" in long.behind()
     done = {task.name: {"wrong": []} for task in long.plan() if whole}
+    done["planned before, and not now"] = {"wrong": []}
     long.save(state(tasks=done, judged=whole))
     repository(monkeypatch, rev_list=count)
     assert long.behind().startswith(told)
