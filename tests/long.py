@@ -362,8 +362,9 @@ def sentences(state: dict[str, Any]) -> list[str]:
     """How far it is, and everything that is wrong."""
     tasks: dict[str, Outcome] = state["tasks"]
     planned = {task.name for task in plan()}
+    done = f"{len(planned & tasks.keys())} of {len(planned)} tasks"
     return [
-        f"{len(planned & tasks.keys())} of {len(planned)} tasks in {state['seconds'] / 3600:.1f} h; "
+        f"{done} in {state['seconds'] / 3600:.1f} h; "
         + ("; ".join(state["mutants"]) or "no mutants yet"),
         *(f"{name}: {'; '.join(it['wrong'])}" for name, it in tasks.items() if it["wrong"]),
         *differing(tasks),
