@@ -82,8 +82,6 @@ def wishes_of(side: Side, arguments: argparse.Namespace) -> RunOptions:
         files_of(arguments),
     )
     require_folder("--scripts", wishes.scripts)
-    if arguments.record:
-        require_folder("--record", Path(arguments.record))
     if wishes.write_expected:
         require_writable("--write-expected", wishes.write_expected)
     return wishes

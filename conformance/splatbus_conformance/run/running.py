@@ -9,6 +9,7 @@ from operator import attrgetter
 from pathlib import Path
 
 from splatbus_schemas.requirements import requirements
+from splatbus_schemas.visible import worded
 
 from splatbus_conformance.checks import Check
 from splatbus_conformance.plan import NoVerdict, Plan, Usage
@@ -47,7 +48,10 @@ def run_checks(plan: Plan, progress: LiveProgress, until: float = math.inf) -> F
         parallel.prepare()
     gathering = Collector(findings, progress, checks, parallel.durations(plan))
     if plan.record:
-        Path(plan.record).mkdir(parents=True, exist_ok=True)
+        try:
+            Path(plan.record).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise Usage(f"--record: {worded(error)}") from None
     with contextlib.closing(set_up(plan, progress.say)) as testbed:
         progress.say(_what_happens(testbed.peer, plan))
         testbed.introduce()

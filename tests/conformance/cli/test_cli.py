@@ -77,6 +77,7 @@ def test_help_ends_with_examples_and_fits_a_terminal(
         ("client --launch x --select FRM-999", "FRM-999"),
         ("client --wait --parallel 2", "use --launch or --adapter, and leave out --ports"),
         ("client --launch x --ports 1,2 --parallel 2", "and leave out --ports"),
+        ("client --launch x --record /dev/null/a", "--record: /dev/null/a: Not a directory"),
         ("client --launch x --parallel 0", "'0' is no whole number from 1 on, such as 4"),
         ("client --launch x --within 0m", "'0m' is no time such as 90s"),
         ("client --launch x --profile soak --within 5m", "as --minutes says"),
