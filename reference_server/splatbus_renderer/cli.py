@@ -9,8 +9,7 @@ import sys
 import threading
 from pathlib import Path
 
-from splatbus_schemas import LIMITS
-from splatbus_schemas.options import PORT, POSITIVE, SIZE, number, option
+from splatbus_schemas.options import PORT, POSITIVE, SIZE, option, within
 from splatbus_schemas.version import ShowVersion
 from splatbus_schemas.visible import worded
 from splatbus_server.api import serve
@@ -18,7 +17,6 @@ from splatbus_wire.settings import read_token
 
 from splatbus_renderer.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 
-LARGEST = LIMITS["max_image_size"]
 """Pixels."""
 EPILOG = """\
 examples:
@@ -95,9 +93,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--fps", type=POSITIVE, default=FPS, help=f"most images a second ({FPS:g})")
     parser.add_argument(
         "--turntable",
-        type=option(
-            lambda it: number(it, -1e6, 1e6), "number from -1000000 to 1000000, such as 20"
-        ),
+        type=option(within(float, -1e6, 1e6), "number from -1000000 to 1000000, such as 20"),
         default=0.0,
         metavar="DEGREES",
         help="turn by as much a second",

@@ -10,6 +10,7 @@ from typing import TypeVar
 from splatbus_schemas import LIMITS
 
 T = TypeVar("T")
+Number = TypeVar("Number", int, float)
 LARGEST: int = LIMITS["max_image_size"]
 NEAREST_0 = math.ulp(0.0)
 FARTHEST = 1.7e308
@@ -33,20 +34,18 @@ def option(parse: Callable[[str], T], right: str) -> Callable[[str], T]:
     return read
 
 
-def number(text: str, least: float = -FARTHEST, most: float = FARTHEST) -> float:
-    """A number between these. Raises ValueError."""
-    found = float(text)
-    if not least <= found <= most:
-        raise ValueError
-    return found
+def within(
+    kind: Callable[[str], Number], least: float, most: float = FARTHEST
+) -> Callable[[str], Number]:
+    """Reads a number of this kind between these; ValueError if it is none."""
 
+    def read(text: str) -> Number:
+        found = kind(text)
+        if not least <= found <= most:
+            raise ValueError
+        return found
 
-def whole(text: str, least: float = -math.inf, most: float = math.inf) -> int:
-    """A whole number between these. Raises ValueError."""
-    found = int(text)
-    if not least <= found <= most:
-        raise ValueError
-    return found
+    return read
 
 
 def joined(words: Sequence[str], *names: str) -> list[str]:
@@ -58,12 +57,13 @@ def joined(words: Sequence[str], *names: str) -> list[str]:
 
 
 def _size(text: str) -> tuple[int, int]:
-    width, height = (whole(it, 1, LARGEST) for it in text.lower().replace("×", "x").split("x"))
+    width, height = map(_pixels, text.lower().replace("×", "x").split("x"))
     return width, height
 
 
+_pixels = within(int, 1, LARGEST)
 SIZE = option(_size, f"size such as 640x480, of 1 to {LARGEST} pixels either way")
-POSITIVE = option(lambda text: number(text, NEAREST_0), "number above 0, such as 2.5")
-WHOLE = option(whole, "whole number, such as 2")
-COUNT = option(lambda text: whole(text, 1), "whole number from 1 on, such as 4")
-PORT = option(lambda text: whole(text, 0, 65535), "port from 0 to 65535, such as 6001")
+POSITIVE = option(within(float, NEAREST_0), "number above 0, such as 2.5")
+WHOLE = option(int, "whole number, such as 2")
+COUNT = option(within(int, 1), "whole number from 1 on, such as 4")
+PORT = option(within(int, 0, 65535), "port from 0 to 65535, such as 6001")

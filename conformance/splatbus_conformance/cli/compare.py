@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from splatbus_conformance.cli.arguments import files_of
 from splatbus_conformance.plan import Usage
 from splatbus_conformance.reports.comparison import (
     Comparison,
@@ -17,9 +18,7 @@ from splatbus_conformance.reports.comparison import (
     markdown_comparison,
     told,
 )
-from splatbus_conformance.reports.files import require_writable
 from splatbus_conformance.reports.files.as_json import Report
-from splatbus_conformance.reports.files.html.page import html_comparison
 from splatbus_conformance.reports.files.markdown import VERDICTS
 from splatbus_conformance.reports.files.stored import load
 from splatbus_conformance.reports.terminal import STYLE
@@ -28,18 +27,21 @@ from splatbus_conformance.verdicts import EXIT_CONFORMING, Verdict
 
 def compare(arguments: argparse.Namespace, out: Console) -> int:
     """Show stored reports beside each other. Raises Usage."""
-    for option in ("markdown", "html"):
-        if path := getattr(arguments, option):
-            require_writable(f"--{option}", Path(path))
+    files = files_of(arguments)
     found = compared(stored([Path(each) for each in arguments.reports]))
-    if arguments.markdown:
-        with Path(arguments.markdown).open("a", encoding="utf-8") as file:
-            file.write(markdown_comparison(found))
-    if arguments.html:
-        Path(arguments.html).write_text(html_comparison(found), "utf-8")
+    files.put(lambda name, _: made(name, found).encode())
     for each in found:
         show(each, out)
     return EXIT_CONFORMING
+
+
+def made(name: str, found: Sequence[Comparison]) -> str:
+    """One of the files that are written."""
+    if name == "markdown":
+        return markdown_comparison(found)
+    from splatbus_conformance.reports.files.html.page import html_comparison  # imports for long
+
+    return html_comparison(found)
 
 
 def stored(named: Sequence[Path]) -> Iterator[tuple[str, Report]]:

@@ -4,7 +4,7 @@ import argparse
 import re
 
 from splatbus_schemas import VERSIONS
-from splatbus_schemas.options import COUNT, POSITIVE, WHOLE, number, option
+from splatbus_schemas.options import COUNT, POSITIVE, WHOLE, option, within
 
 from splatbus_conformance.run.options import USUAL_HOST
 from splatbus_conformance.selection import PROFILES
@@ -137,7 +137,7 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
     )
     written.add_argument(
         "--shrink",
-        type=option(lambda text: number(text, 0), "number from 0 on, such as 10"),
+        type=option(within(float, 0), "number from 0 on, such as 10"),
         metavar="S",
         default=SHRINK_SECONDS,
         help="seconds, in all, to deliver failures again and make them small in (%(default)g)",

@@ -46,7 +46,7 @@ class ServerTrial(Trial):
         self.facts = facts
         self.peer.on_open = viewer.on_open
         self.peer.on_message = viewer.on_message
-        self.judged: CapturedFrame | None = None
+        self.last_image: CapturedFrame | None = None
         """The last image that was copied."""
         self._mover: Connection | None = None
         self._unheard = False
@@ -58,13 +58,13 @@ class ServerTrial(Trial):
 
     def pictures(self) -> tuple[Picture, ...]:
         """As of every trial; beside what belongs there, where the scene is known."""
-        if self.judged is None:
+        if self.last_image is None:
             return ()
         exact = None
         if self.facts.scene_known:
             with np.errstate(all="ignore"):  # a camera may be anywhere
-                exact = render(self.judged.camera, self.facts.setting(self.judged.frame))
-        return pictures_of(self.judged, exact)
+                exact = render(self.last_image.camera, self.facts.setting(self.last_image.frame))
+        return pictures_of(self.last_image, exact)
 
     # Meeting the testee
 

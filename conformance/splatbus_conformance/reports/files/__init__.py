@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -47,11 +47,19 @@ class Files:
                     raise Usage(_unwritable(f"--{name}", path, error)) from None
 
     def write(self, document: Document) -> None:
-        """Write each format that is wanted; Markdown is appended. Raises Usage."""
+        """Write each format that is wanted, of a report. Raises Usage."""
+        self.put(lambda name, written: _made(name, document, written))
+
+    def put(self, made: Callable[[str, int], bytes]) -> None:
+        """Write each format that is wanted; Markdown is appended. Raises Usage.
+
+        Args:
+            made: what to write, by the format and how many bytes the file has already.
+        """
         for name, path in self:
             try:
                 with path.open("ab" if name == "markdown" else "wb") as file:
-                    file.write(_made(name, document, file.tell()))
+                    file.write(made(name, file.tell()))
             except OSError as error:
                 raise Usage(_unwritable(f"--{name}", path, error)) from None
 

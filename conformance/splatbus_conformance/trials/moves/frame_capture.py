@@ -132,7 +132,7 @@ class FrameCapture:
             return None
         init_packet = self.dealings.init_packets[-1]
         photograph = photograph_of(frame, self.dealings.memory, init_packet)
-        self.trial.judged = photograph or self.trial.judged
+        self.trial.last_image = photograph or self.trial.last_image
         return photograph
 
 
