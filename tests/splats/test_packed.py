@@ -134,6 +134,15 @@ def test_a_node_of_a_gltf_places_its_gaussians(tmp_path: Path) -> None:
     assert met(tmp_path / "a.glb").up == "y"
 
 
+def test_a_node_may_move_them_as_far_as_a_map_does(tmp_path: Path) -> None:
+    far = np.array([5e5, 5e5, 4e6])
+    in_gltf(translation=far.tolist()).save(str(tmp_path / "a.glb"))
+    origin = met(tmp_path / "a.glb").origin
+    assert np.abs(origin - far).max() < 10
+    found = read(tmp_path / "a.glb", origin=origin).gaussians.means + (origin - far)
+    np.testing.assert_allclose(found, NEAR.means, atol=2e-6)
+
+
 BROKEN = {
     "scales their axes unevenly": lambda it: it.nodes[0].scale.__setitem__(0, 2.0),
     "it is a mesh": lambda it: it.meshes[0].primitives[0].extensions.clear(),

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from splatbus_splats.files.header import Element, Header
+from splatbus_splats.files.header import TYPES, Element, Header
 
 Rows = NDArray[Any]
 
@@ -103,14 +103,15 @@ def blocks(
 
 
 def write(path: Path, rows: Rows, *comments: str) -> None:
-    """Writes vertices of numbers in float32, little-endian."""
+    """Writes vertices of numbers in float32 or float64, little-endian."""
     names = rows.dtype.names or ()
     lines = ["ply", "format binary_little_endian 1.0", *(f"comment {each}" for each in comments)]
     lines += [f"element vertex {len(rows)}"]
-    lines += [f"property float {name}" for name in names]
+    types = {name: "f8" if rows.dtype[name] == np.float64 else "f4" for name in names}
+    lines += [f"property {TYPES[types[name]][0]} {name}" for name in names]
     with path.open("wb") as file:
         file.write("".join(f"{line}\n" for line in (*lines, "end_header")).encode("ascii"))
-        rows.astype([(name, "<f4") for name in names], copy=False).tofile(file)
+        rows.astype([(name, f"<{types[name]}") for name in names], copy=False).tofile(file)
 
 
 def _least_bytes(order: str, element: Element) -> int:

@@ -40,7 +40,8 @@ class Placement(NamedTuple):
 
 
 def read(path: Path) -> Gaussians:
-    """All Gaussians in a `.glb` or `.gltf`, in the axes of its scene.
+    """All Gaussians in a `.glb` or `.gltf`, in the axes of its scene; their means in float64, for a
+    node may move them far.
 
     Raises:
         ValueError: it is none, or has none that can be drawn; the message says why.
@@ -137,14 +138,15 @@ def _placed(gaussians: Gaussians, placement: Placement) -> Gaussians:
     scale, turn, move = placement
     x, y, z, w = quaternion_from_matrix(tuple(turn.ravel()))
     product = np.array([(w, -z, y, x), (z, w, -x, y), (-y, x, w, z), (-x, -y, -z, w)])
-    arrays = (
+    arrays: tuple[Array, ...] = (
         gaussians.means @ (turn * scale).T + move,
         gaussians.rotations @ product.T,
         gaussians.scales * scale,
         gaussians.opacities,
         np.einsum("ij,njc->nic", _turned(turn, gaussians.degree), gaussians.coefficients),
     )
-    return Gaussians(*(np.ascontiguousarray(each, np.float32) for each in arrays))
+    means, *others = arrays
+    return Gaussians(means, *(np.ascontiguousarray(each, np.float32) for each in others))
 
 
 def _turned(turn: Array, degree: int) -> Array:

@@ -124,7 +124,8 @@ def write(path: Path, gaussians: Gaussians, *comments: str) -> None:
     K = gaussians.coefficients.shape[1]
     names = (*PLACE, "nx", "ny", "nz", *CONSTANT, *_rest(3 * (K - 1)), "opacity", *SCALE, *TURN)
     order = [*names[:-4], "rot_0", "rot_1", "rot_2", "rot_3"]
-    rows = np.zeros(len(gaussians), [(name, "<f4") for name in order])
+    wide = dict.fromkeys(PLACE, gaussians.means.dtype)
+    rows = np.zeros(len(gaussians), [(name, wide.get(name, "<f4")) for name in order])
     with np.errstate(divide="ignore"):
         opacities = gaussians.opacities.astype(np.float64)
         columns = {
