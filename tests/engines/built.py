@@ -15,6 +15,8 @@ from splatbus_schemas.prose import CHECKOUT
 from tests.csharp.compiled import compiled
 
 LANGUAGES = ("csharp", "cpp")
+LIBCXX = "C++ with libc++"
+"""The standard library of Apple, Android and Unreal; without sanitizers, which compiles in seconds."""
 CPP = CHECKOUT / "reference_client" / "cpp"
 SOURCES = {
     "Tests": "tests/vectors.cpp",
@@ -33,12 +35,20 @@ Command = list[str]
 
 
 def built(language: str, program: str, folder: Path, *, sanitized: bool = True) -> Command:
-    """The command that starts it; skips where its compiler is missing."""
+    """The command that starts it; skips where its compiler, or its library, is missing."""
     if language == "csharp":
         return ["mono", str(compiled(folder / f"{program}.exe", program))]
+    if language == LIBCXX:
+        if not list(Path("/usr").glob("lib/llvm-*/include/c++/v1/vector")):
+            pytest.skip("libc++ is not installed")
+        return [str(compiled_cpp(PROGRAMS, "clang++", ("-O0", "-stdlib=libc++"))), program]
     if sanitized:
         return [str(compiled_cpp(PROGRAMS)), program]
     return [str(compiled_cpp(CPP / SOURCES[program], options=("-O2",)))]
+
+
+def language_of(program: Command) -> str:
+    return "csharp" if program[0] == "mono" else "cpp"
 
 
 def compiled_cpp(

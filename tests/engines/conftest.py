@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.engines.built import LANGUAGES, Command, built
+from tests.engines.built import LANGUAGES, LIBCXX, Command, built
 
 
 @pytest.fixture(scope="session", params=LANGUAGES)
@@ -10,10 +10,10 @@ def language(request: pytest.FixtureRequest) -> str:
     return str(request.param)
 
 
-@pytest.fixture(scope="session")
-def program(language: str, tmp_path_factory: pytest.TempPathFactory) -> Command:
-    """The test program of a client."""
-    return built(language, "Tests", tmp_path_factory.mktemp(language))
+@pytest.fixture(scope="session", params=[*LANGUAGES, LIBCXX])
+def program(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Command:
+    """The test program of a client, in C++ with each standard library."""
+    return built(request.param, "Tests", tmp_path_factory.mktemp("tests"))
 
 
 @pytest.fixture(scope="session")

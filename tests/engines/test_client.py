@@ -10,7 +10,7 @@ import pytest
 
 from tests.conformance.harness import run
 from tests.conformance.images.cuda_stand_in.library import library
-from tests.engines.built import Command, built
+from tests.engines.built import Command, built, language_of
 from tests.engines.judging import WHOLE_SECONDS, check_conforms
 from tests.engines.stage import HEIGHT, WIDTH, serving
 
@@ -54,14 +54,15 @@ def test_a_stream_of_the_programs_own_reads_what_is_lent(cpp_adapter: Command) -
     assert f"\nconforming at L3: {len(about)} of " in told
 
 
-def test_the_frame_loop_leaves_no_garbage(language: str, program: Command) -> None:
+def test_the_frame_loop_leaves_no_garbage(program: Command) -> None:
     """In neither thread, with a pose for each image."""
+    frames = FRAMES[language_of(program)]
     color, depth = np.full((HEIGHT, WIDTH, 4), 0.5), np.full((HEIGHT, WIDTH), 2.0)
     with serving(lambda _: (color, depth), on_and_on=True) as where:
-        line = [*program, "--frames", str(FRAMES[language])]
+        line = [*program, "--frames", str(frames)]
         done = subprocess.run(
             line, capture_output=True, text=True, timeout=240, env=where | SMALL_NURSERY
         )
     found = re.match(r"(\d+) frames, (\d+) (?:collections|allocations), ", done.stdout)
     assert found, done.stdout + done.stderr
-    assert (int(found[1]), int(found[2])) == (FRAMES[language], 0)
+    assert (int(found[1]), int(found[2])) == (frames, 0)

@@ -10,7 +10,7 @@ from typing import Any
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.init_packet import check_fits, parse_init_packet
 
-from tests.engines.built import Command, answers
+from tests.engines.built import Command, answers, language_of
 from tests.wire.payloads import payload
 from tests.wire.test_init_packet import BYTES, CUDA, HOST, LEGACY, NO_VERSIONS, with_value
 
@@ -51,7 +51,8 @@ def refusal(message: dict[str, Any]) -> str:
     return ""
 
 
-def test_any_value_in_any_place(language: str, program: Command) -> None:
+def test_any_value_in_any_place(program: Command) -> None:
+    language = language_of(program)
     bases = KNOWN[language]
     messages = [
         with_value(base, *each)

@@ -16,12 +16,23 @@
 #include <unordered_set>
 #include <vector>
 
+#if !defined(__cpp_lib_to_chars)
+#include <clocale>
+#include <cstdlib>
+#if defined(__APPLE__)
+#include <xlocale.h>
+#else
+#include <locale.h>
+#endif
+#endif
+
 #include "splatbus/text/bytes.hpp"
 #include "splatbus/text/text.hpp"
 
 namespace splatbus {
 
 /// The double nearest to a number by the grammar of RFC 8259, ties to even; infinity beyond the range [ACC-14].
+#if defined(__cpp_lib_to_chars)
 inline double number_of(std::string_view spelt) {
   double value = 0;
   const auto read = std::from_chars(spelt.data(), spelt.data() + spelt.size(), value);
@@ -45,6 +56,16 @@ inline double number_of(std::string_view spelt) {
   const double magnitude = order > 0 ? std::numeric_limits<double>::infinity() : 0.0;
   return is_negative ? -magnitude : magnitude;
 }
+#else
+inline double number_of(std::string_view spelt) {
+  // libc++ has no std::from_chars of double before 20. The global locale may write a comma.
+  static const locale_t plain = newlocale(LC_ALL_MASK, "C", nullptr);
+  std::array<char, 64> ended{};
+  if (spelt.size() >= ended.size()) return strtod_l(std::string(spelt).c_str(), nullptr, plain);
+  spelt.copy(ended.data(), spelt.size());
+  return strtod_l(ended.data(), nullptr, plain);
+}
+#endif
 
 class Value;
 
