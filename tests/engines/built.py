@@ -16,7 +16,7 @@ from tests.csharp.compiled import compiled
 
 LANGUAGES = ("csharp", "cpp")
 LIBCXX = "C++ with libc++"
-"""The standard library of Apple, Android and Unreal; without sanitizers, which compiles in seconds."""
+"""The library of Apple, Android and Unreal; without sanitizers, which compiles in seconds."""
 CPP = CHECKOUT / "reference_client" / "cpp"
 SOURCES = {
     "Tests": "tests/vectors.cpp",
