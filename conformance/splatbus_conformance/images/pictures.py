@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.known_scene import COLOR_BUDGET, DEPTH_BUDGET, ExactImage
+from splatbus_conformance.images.painted import Painting
 
 WIDTH = 320
 """Of a picture, about, in pixels: smaller images are shown larger, and larger ones smaller."""
@@ -44,6 +45,38 @@ def pictures_of(came: CapturedFrame, exact: ExactImage | None) -> tuple[Picture,
     )
 
 
+def pictures_of_reading(read: Painting, lent: Painting) -> tuple[Picture, ...]:
+    """What a client reads of an image, the image that it was lent, and where they differ; nothing
+    where they do not.
+
+    Painted values may lie anywhere: of each colour, black and white are the least and the most that
+    was lent.
+    """
+    red, blue = (_unequal(*pair) for pair in zip(read, lent, strict=True))
+    apart = np.stack((red.any(axis=-1), np.zeros_like(blue), blue), axis=-1)
+    if not apart.any():
+        return ()
+    return (
+        Picture("what the client shows", _png(_stretched(read.color, lent.color))),
+        Picture("what it was lent", _png(_stretched(lent.color, lent.color))),
+        Picture("where they differ: colour red, depth blue", _png(np.where(apart, 255, 24))),
+    )
+
+
+def _unequal(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.bool_]:
+    unequal: NDArray[np.bool_] = (one != other) & ~(np.isnan(one) & np.isnan(other))
+    return unequal
+
+
+def _stretched(color: NDArray[np.floating], by: NDArray[np.floating]) -> Bytes:
+    finite = np.where(np.isfinite(by), by, 0.0)[..., :3].astype(np.float64)
+    least, most = finite.min(axis=(0, 1)), finite.max(axis=(0, 1))
+    shown = (color[..., :3] - least) / np.where(most > least, most - least, 1.0)
+    shades: Bytes = (255.0 * np.clip(np.nan_to_num(shown), 0.0, 1.0)).astype(np.uint8)
+    shades[np.isnan(shown).any(axis=-1)] = NO_NUMBER
+    return shades
+
+
 def _over_squares(color: NDArray[np.floating]) -> Bytes:
     """(h, w, 3): premultiplied colour as it is stored, over a pattern."""
     row, column = np.indices(color.shape[:2]) // SQUARE
@@ -62,12 +95,12 @@ def _shade(off: NDArray[np.floating], least: float) -> Bytes:
     return np.where(off > least, 105 + 75 * steps, 24).astype(np.uint8)
 
 
-def _png(shades: Bytes) -> str:
+def _png(shades: NDArray[np.integer]) -> str:
     from PIL import Image  # which takes long to import
 
     width = shades.shape[1]
     larger, smaller = max(1, WIDTH // width), max(1, width // (2 * WIDTH))
     sized = shades[::smaller, ::smaller].repeat(larger, 0).repeat(larger, 1)
     file = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(sized)).save(file, "PNG", optimize=True)
+    Image.fromarray(np.ascontiguousarray(sized, np.uint8)).save(file, "PNG", optimize=True)
     return base64.b64encode(file.getvalue()).decode("ascii")

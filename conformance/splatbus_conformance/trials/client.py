@@ -1,8 +1,13 @@
 """A trial of a client, from its connecting to judgement: the harness plays the server."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
+from splatbus_conformance.images.painted import Painting
+from splatbus_conformance.images.pictures import Picture, pictures_of_reading
 from splatbus_conformance.trials.returning import ReturningTrial
 from splatbus_conformance.trials.testee.adapter import (
     Adapted,
@@ -12,7 +17,13 @@ from splatbus_conformance.trials.testee.adapter import (
 )
 from splatbus_conformance.trials.testee.client_probe import RETURN_SECONDS
 from splatbus_conformance.trials.testee.probe_advice import does_not_come
-from splatbus_conformance.trials.trial import EFFECT_SECONDS, REACTION_SECONDS, LostSign
+from splatbus_conformance.trials.trial import (
+    EFFECT_SECONDS,
+    REACTION_SECONDS,
+    LostSign,
+    NotObservable,
+    Violation,
+)
 from splatbus_conformance.wire.messages import Json, encode
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import WORDS, Channel
@@ -22,6 +33,8 @@ MANY_CONNECTIONS = 6
 """From which on the quick profile delivers only what it has to."""
 STARTING_SECONDS, STARTS_SOONER = 0.5, 2.0
 """What it takes to end a testee beside its start; and how much longer it has to stay away."""
+MOST_PLACES = 4096
+"""That an adapter is asked for at once, of a picture."""
 ABOUT_READING = ("FRM", "JSN", "INI", "MEM", "REQ")
 """Clauses whose checks have many cases, and look at nothing that a testee keeps between them."""
 
@@ -177,6 +190,27 @@ class ClientTrial(ReturningTrial):
     def _adapted(self) -> Adapted:
         assert isinstance(self.testee, Adapted), "a check that asks needs an adapter"
         return self.testee
+
+    def pictures(self) -> tuple[Picture, ...]:
+        """What the client shows of the image that it read last, beside what it was lent."""
+        if not self.lent or "pixels" not in self.greeting.can:
+            return ()
+        width, height = self.role.width, self.role.height
+        step = math.isqrt(width * height // MOST_PLACES) + 1
+        rows, columns = range(0, height, step), range(0, width, step)
+        try:
+            told = self.ask("pixels", at=[[column, row] for row in rows for column in columns])
+        except (AdapterBroken, Violation, NotObservable):
+            return ()
+        lent = self.lent.get(told["seq"])
+        if lent is None or told["color"] is None or lent.depth.shape != (height, width):
+            return ()
+        whole = Painting(*(each[::step, ::step] for each in lent))
+        planes = (whole.depth if told[name] is None else told[name] for name in ("color", "depth"))
+        read = (np.asarray(each, np.float32) for each in planes)
+        return pictures_of_reading(
+            Painting(*(each.reshape(it.shape) for each, it in zip(read, whole, strict=True))), whole
+        )
 
     # Waiting and watching
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from splatbus_schemas.requirements import Requirement
 
 from splatbus_conformance.images.memory.cuda_stand_in.trace import Call
+from splatbus_conformance.images.painted import Painting
 from splatbus_conformance.plan import Side
 from splatbus_conformance.trials import memory_pace
 from splatbus_conformance.trials.scripted_server import ScriptedServer, ServedConnection
@@ -39,6 +40,8 @@ class ReturningTrial(Trial):
         self._calls_before = len(self.stand_in.calls()) if self.stand_in else 0
         self.role = role
         self.facts = facts
+        self.lent: dict[int, Painting] = {}
+        """The image of each number that was lent to be read."""
         self._used: set[Connection] = set()
         self.peer.on_open = role.on_open
         self.peer.on_message = role.on_message

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 from splatbus_conformance.images.captured import CapturedFrame
 from splatbus_conformance.images.known_scene import render
@@ -16,7 +17,11 @@ from splatbus_conformance.images.pinhole import Camera, Rigid
 from tests.conformance.harness import run
 
 CAMERA = Camera(Rigid(), 50.0, 50.0, 32.0, 24.0, 64, 48, 0.01, 100.0)
-BROKEN = f'"{sys.executable}" -m tests.zoo.mutants server-stores-blue-first --quiet --size 64x48'
+MUTANT = f'"{sys.executable}" -m tests.zoo.mutants '
+SERVER = MUTANT + "server-stores-blue-first --quiet --size 64x48"
+CLIENT = MUTANT + "forgets-that-rows-are-bottom-up --axes opencv"
+BLUE, ROWS = (..., slice(None, None, -1)), (slice(None, None, -1),)
+"""How what came is to be read to be what belongs there."""
 
 
 def pixels(picture: Picture) -> np.ndarray:
@@ -51,15 +56,25 @@ def test_a_scene_that_is_not_known_shows_what_came() -> None:
     assert len(pictures_of(frame._replace(color=exact.color, depth=exact.depth), exact)) == 3
 
 
-def test_a_failure_of_an_image_shows_it_on_the_page(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("broken", "misread"),
+    [
+        (("server", "--launch", SERVER, "--select", "check_every_pixel_is_of_the_camera"), BLUE),
+        (("client", "--adapter", CLIENT, "--select", "check_shows_rows_from_the_bottom_up"), ROWS),
+    ],
+    ids=("server", "client"),
+)
+def test_a_failure_of_an_image_shows_it_on_the_page(
+    broken: tuple[str, ...], misread: tuple[slice, ...], tmp_path: Path
+) -> None:
     report, page = tmp_path / "report.json", tmp_path / "page.html"
-    words = ("--select", "check_every_pixel_is_of_the_camera", "--shrink", "0", "--parallel", "1")
-    files = ("--json", str(report), "--html", str(page), "--scripts", str(tmp_path))
-    status, told = run("server", "--launch", BROKEN, *words, *files)
+    words = ("--shrink", "0", "--parallel", "1", "--scripts", str(tmp_path))
+    status, told = run(*broken, *words, "--json", str(report), "--html", str(page))
     assert status == 1, told
     requirements = json.loads(report.read_text("utf-8"))["requirements"]
     (found,) = [it for each in requirements for it in each["results"] if it["verdict"] == "fail"]
     came, wanted, _ = (pixels(Picture(**each)) for each in found["pictures"])
-    assert (came[..., ::-1] == wanted).all(axis=-1).mean() > 0.95
+    assert (came[misread] == wanted).all(axis=-1).mean() > 0.95
+    assert (came != wanted).any()
     text = page.read_text("utf-8")
     assert all(f"data:image/png;base64,{each['png']}" in text for each in found["pictures"])

@@ -98,6 +98,7 @@ class FrameLender:
         self, trial: ClientTrial, connection: Connection | None = None, *, by_calls: bool = False
     ) -> None:
         self.shown: dict[int, Painting] = {}
+        trial.lent = self.shown
         self._slots: dict[int, int] = {}
         self._trial, self._role, self._by_calls = trial, trial.role, by_calls
         self._calls_before = 0
