@@ -52,7 +52,6 @@ from splatbus_client.events import (
 from splatbus_client.outgoing import (
     Told,
     checked,
-    checked_request,
     needs,
     only_1_1,
     permitted,
@@ -106,9 +105,9 @@ class MessageProtocol:
 
         Raises:
             NotOfferedError: the server is known to lack the capability.
-            ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+            ProtocolError: a server would refuse it, for the requirement that is named.
         """
-        request = checked_request(request)
+        request = checked(request)
         if (capability := self.lacks(request)) is not None:
             raise NotOfferedError(capability)
         if isinstance(request, _QUESTIONS):
@@ -126,7 +125,7 @@ class MessageProtocol:
         told later waits behind it; then as much is sent as was agreed [NEG-5].
 
         Raises:
-            ProtocolError: it breaks POS-2, POS-3, CAM-1, CAM-4, OBJ-1, TIM-1 or TEL-1.
+            ProtocolError: a server would refuse it, for the requirement that is named.
         """
         message = checked(message)
         # Taken out first, so that timestamps leave in order [POS-9].

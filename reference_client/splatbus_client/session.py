@@ -110,7 +110,7 @@ class Session:
             intrinsics: the lens, from now on; it stays in force when it is not given [CAM-5].
 
         Raises:
-            ProtocolError: it breaks POS-2, POS-3, CAM-1 or CAM-4.
+            ProtocolError: a server would refuse it, for the requirement that is named.
         """
         self._tell(CameraPose(pose, self._timestamp(), tag, intrinsics))
 
@@ -126,7 +126,7 @@ class Session:
             scale: from 0.000001 to 1,000,000.
 
         Raises:
-            ProtocolError: it breaks POS-2, POS-3 or OBJ-1.
+            ProtocolError: a server would refuse it, for the requirement that is named.
         """
         self._tell(ObjectPose(name, pose, float(scale), self._timestamp()))
 
@@ -137,7 +137,7 @@ class Session:
         `status.no_effect`.
 
         Raises:
-            ProtocolError: it is not finite [TIM-1].
+            ProtocolError: a server would refuse it, for the requirement that is named.
         """
         self._tell(SetTime(seconds))
 
@@ -171,7 +171,7 @@ class Session:
             capability.
 
         Raises:
-            ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+            ProtocolError: a server would refuse it, for the requirement that is named.
             RuntimeError: the session is closed, or 1,024 questions are unanswered.
         """
         return self._ask(request, lambda answer: answer)

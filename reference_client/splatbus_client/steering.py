@@ -26,7 +26,7 @@ from splatbus_client.events import (
     ServerError,
 )
 from splatbus_client.message_protocol import MessageProtocol, NotOfferedError
-from splatbus_client.outgoing import Told, checked, checked_request
+from splatbus_client.outgoing import Told, checked
 
 log = logging.getLogger("splatbus_client")
 
@@ -125,7 +125,7 @@ class Steering:
         """Send a message; it stays the newest of its kind for the connections to come.
 
         Raises:
-            ProtocolError: it breaks POS-2, POS-3, CAM-1, CAM-4, OBJ-1, TIM-1 or TEL-1.
+            ProtocolError: a server would refuse it, for the requirement that is named.
         """
         if self.machine is None:
             checked(message)
@@ -145,7 +145,7 @@ class Steering:
         """Ask on this connection, or on the next one; `value` makes the future's of the `Answer`.
 
         Raises:
-            ProtocolError: the request breaks REQ-2, VPT-1 or PNG-1.
+            ProtocolError: a server would refuse it, for the requirement that is named.
             RuntimeError: too many questions are unanswered.
         """
         self._forget_what_nobody_awaits()
@@ -154,7 +154,7 @@ class Steering:
         question = _Question(request, value, Future())
         try:
             if self.machine is None:
-                checked_request(request)
+                checked(request)
             else:
                 question.ticket = self.machine.ask(request)
             self.questions.append(question)

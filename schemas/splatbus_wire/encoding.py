@@ -106,7 +106,7 @@ def message_object(message: Message, *, typed_replies: bool = False) -> dict[str
         return {"type": "subscribe", "channels": sorted(message.channels)}
     if isinstance(message, SubscribeTelemetry):
         names = message.names
-        return {"type": "subscribe_telemetry", "names": None if names is None else sorted(names)}
+        return {"type": "subscribe_telemetry", "names": None if names is None else sorted(names, key=str)}
     if isinstance(message, Telemetry):
         listed = [_series_object(each) for each in message.series]
         return {"type": "telemetry", "seq": message.seq, "time": message.time, "series": listed}
