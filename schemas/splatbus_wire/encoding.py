@@ -105,8 +105,8 @@ def message_object(message: Message, *, typed_replies: bool = False) -> dict[str
     if isinstance(message, Subscribe):
         return {"type": "subscribe", "channels": sorted(message.channels)}
     if isinstance(message, SubscribeTelemetry):
-        names = message.names
-        return {"type": "subscribe_telemetry", "names": None if names is None else sorted(names, key=str)}
+        names = None if message.names is None else sorted(message.names, key=str)
+        return {"type": "subscribe_telemetry", "names": names}
     if isinstance(message, Telemetry):
         listed = [_series_object(each) for each in message.series]
         return {"type": "telemetry", "seq": message.seq, "time": message.time, "series": listed}

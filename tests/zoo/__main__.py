@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from splatbus_conformance.checks.registry import judges
 from splatbus_conformance.verdicts import EXIT_CONFORMING, EXIT_NOT_CONFORMING, EXIT_USAGE
 from splatbus_schemas.requirements import requirements
 from splatbus_server.shared_memory import sweep_stale
@@ -44,6 +45,9 @@ def main() -> int:
     options = parser.parse_args()
     if options.requirement not in ("", *requirements("1.1")):
         print(f"--requirement {options.requirement}: there is no such requirement")
+        return EXIT_USAGE
+    if options.requirement and not any(options.requirement in judges(side) for side in SIDES):
+        print(f"--requirement {options.requirement}: no check and no rule judges it")
         return EXIT_USAGE
     wanted = [name for name in options.only.split(",") if name]
     if why := unknown(wanted):

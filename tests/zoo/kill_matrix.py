@@ -14,10 +14,10 @@ LAST = "~"
 HEAD = """\
 # Kill matrix
 
-Written by `python -m tests renew`. Each row is seen by `python -m tests zoo`, a step of the test
-command, which fails by one that is not as it stands here.
+Written by `python -m tests renew`: what has to become of each. `python -m tests zoo`, a step of the
+test command, runs the harness on all of them, and fails by one that is not as it stands here.
 
-The harness was run on three kinds of program: the reference pair, which has to pass; variations of
+There are three kinds of program: the reference pair, which has to pass; variations of
 them, which are unusual and conform, and have to pass too; and mutants of them, each of which breaks
 one requirement and has to fail for it, by the check and with the code that are named here. Those
 at the end are for the simulation of the pair, which has to find them by an invariant.

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from hypothesis import strategies as st
-from splatbus_schemas import LIMITS
+from splatbus_schemas import LIMITS, examples
 
 from splatbus_conformance.cases.valid.poses import Pose
 from splatbus_conformance.checks import SERVER, check
@@ -45,7 +45,10 @@ WHOLE = 0.99
 """The share of the pixels that have to be right."""
 LEAST, MOST = LIMITS["min_lens"], LIMITS["max_lens"]
 ASKED = (0, 1, -1, 2**31)
-BAD_TAGS: tuple[Any, ...] = ("", "t" * (LIMITS["max_tag_chars"] + 1), None, 5, True, [], ["t"], {})
+BAD_TAGS: tuple[Any, ...] = (
+    *(it.message["tag"] for it in examples("camera_pose", "1.1")[1] if it.pointer == "/tag"),
+    *(True, [], ["t"], {}),
+)
 FAR_SHAPES = ((1, 1), (2, 1), (1, 2), (LARGEST, 1), (1, LARGEST), (LARGEST, 2 * LARGEST // 3))
 
 
