@@ -100,6 +100,9 @@ def _expectations(name: str | None, side: Side) -> tuple[Expectation, ...]:
         return ()
     try:
         return expected_failures.load(Path(name), selectable_on(side))
+    except FileNotFoundError:
+        made = f"--write-expected {name} makes it, in a run without --select"
+        raise Usage(f"--expect-failures {name}: there is no such file; {made}") from None
     except (ExpectationsError, OSError) as error:
         raise Usage(f"--expect-failures: {worded(error)}") from None
 

@@ -58,9 +58,11 @@ def print_explanation(out: Console, name: str) -> bool:
             grid.add_row(peer, Text.assemble((words(judge.name), "bold"), f" at {judge.level}"))
             grid.add_row("", Text(judge.what, "dim"))
         if why := exclusions(peer).get(requirement.id):
-            grid.add_row(peer, f"not judged (visible at {why.visible_at})")
+            level = why.visible_at
+            where = "no level shows it" if level == "none" else f"visible at {level}"
+            grid.add_row(peer, f"not judged: {where}")
             grid.add_row("", Text(why.reason, "dim"))
-    out.print(Padding(grid, (0, 0, 1, 2)))
+    out.print(Padding(grid, (0, 0, 1, 2), expand=False))
     return True
 
 

@@ -45,6 +45,8 @@ SHOWN_WITH_BYTES = 5
 """Failures; those after them are told by their sentences and the command that shows them."""
 LEAST_COLUMNS = 20
 TELL_SECONDS = 15.0
+FORETOLD = 0.05
+"""The share of a run that has to be done before it is said how long the rest takes."""
 """How often it is said, where no line can be rewritten, how long the run will take."""
 _STYLE_OF_END = {EXIT_CONFORMING: "bold green", EXIT_NOT_CONFORMING: "bold red"}
 _VERSION = re.compile(r"\b(\d) (\d)\b")
@@ -127,8 +129,9 @@ class LiveProgress:
         """By what those took once that are done and that are not, at the pace of this run."""
         left = sum(self._seconds[name] for name in self._left)
         done = sum(self._seconds.values()) - left
-        pace = (time.monotonic() - self._began) / done if done else 0.0
-        return f"about {pace * left:.0f} s left" if done else ""
+        if done < FORETOLD * (done + left):
+            return ""
+        return f"about {(time.monotonic() - self._began) / done * left:.0f} s left"
 
     def _show(self) -> None:
         if self._bar and self._task is not None:
@@ -173,7 +176,7 @@ def print_skipped(
 ) -> None:
     """Why checks were skipped, the most frequent reason first, and what they would have judged."""
     told = {why: [f"({it})" if it in judged else it for it in ids] for why, ids in skipped.items()}
-    others = " (in brackets, what other checks have judged)" if told != dict(skipped) else ""
+    others = " (ids in brackets were judged by other checks)" if told != dict(skipped) else ""
     _print_by_reason(console, f"\nSkipped, and why{others}:", told)
 
 

@@ -61,6 +61,10 @@ def cause(results: Sequence[Result]) -> Cause | None:
         first, others = ordered[0].requirement, names - {ordered[0].requirement}
         told = f"{why}; {_counted(others, 'other failure')} may follow from it"
         return Cause(first, frozenset(others), told)
+    left = list(dict.fromkeys(it.requirement for it in ordered if it.code == "exits"))
+    if len(left) >= MANY:
+        told = f"in {len(left)} failures its process ends, and it has to run until it is ended"
+        return Cause(left[0], frozenset(left[1:]), told)
     if len(read := [it for it in PARSER if it in names]) >= MANY:
         told = f"one parser reads what {', '.join(read)} ask about"
         return Cause(read[0], frozenset(read[1:]), told)

@@ -8,7 +8,7 @@ from splatbus_conformance.checks.registry import exclusions, judges
 from splatbus_conformance.verdicts import Result
 
 NOTHING_CAME = "nothing that it is about was seen on the wire"
-NOT_RUN = "its checks did not run; a live run with --profile full has all of them"
+NOT_RUN = "its checks did not run; a live run with --profile full runs them all"
 NOWHERE = "no run shows it"
 
 

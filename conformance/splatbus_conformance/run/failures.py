@@ -85,7 +85,7 @@ def _seen_again(
 
 def _with(result: Result, script: Script, path: Path, plan: Plan, why_not: str) -> Result:
     cases = [case for row in script.cases for case in row]
-    many = {0: "it takes no case", 1: "one case"}.get(len(cases), f"{len(cases)} cases")
+    many = {0: "no special input is needed", 1: "one case"}.get(len(cases), f"{len(cases)} cases")
     if len(cases) == 1 and cases[0].drawn:
         many += f", {shorten(str(cases[0].value))}"
     options = shlex.join(as_options(plan))
@@ -101,8 +101,11 @@ def _with(result: Result, script: Script, path: Path, plan: Plan, why_not: str) 
 def _how_often(script: Script, why_not: str) -> str:
     if not script.tried:
         return f"not tried again: {why_not}"
-    tried = "once" if script.tried == 1 else f"{script.tried} times"
-    return f"tried {tried} more, seen {script.again or 'no more'}"
+    return f"tried again {_times(script.tried)}, seen {_times(script.again)}"
+
+
+def _times(count: int) -> str:
+    return {0: "never", 1: "once"}.get(count, f"{count} times")
 
 
 def _file_name(script: Script) -> str:

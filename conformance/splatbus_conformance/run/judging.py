@@ -132,6 +132,8 @@ def _report(
     if findings.left:
         why = "" if findings.cut in sentence else f", for {findings.cut}"
         sentence += f"; {findings.left} checks did not run{why}"
+    if complaints and not any(it is Verdict.FAIL for it in verdicts.values()):
+        sentence += "; the run fails by what was demanded of it"
     if fewer:
         sentence += "; fewer than usual were observed: busy machine"
     deselected = left_out(plan)

@@ -64,7 +64,7 @@ def test_what_runs_is_told_as_it_goes_and_why_checks_were_skipped_at_the_end(
         "   2/4  CNV-2   pass    a",
         "   3/4  FRM-4   pass    any segmentation",
         "   3/4  about 20 s left",
-        *("", "Skipped, and why (in brackets, what other checks have judged):"),
+        *("", "Skipped, and why (ids in brackets were judged by other checks):"),
         *(f"   3  {NO_ADAPTER}", "      CNV-1 (CNV-2)"),
     ]
     assert re.search("3/4.*about 20 s left.*FRM-5 c", text(outs[1]))

@@ -60,6 +60,11 @@ def test_what_it_sends_comes_first_and_packets_before_messages_before_connection
             [done(name) for name in ("JSN-10", "JSN-6", "JSN-8", "IMG-24")],
             "Start with JSN-6: one parser reads what JSN-6, JSN-8, JSN-10 ask about.",
         ),
+        (
+            [replace(done(name), code="exits") for name in ("JSN-10", "JSN-6", "JSN-8", "CHN-9")],
+            "Start with JSN-10: in 4 failures its process ends, and it has to run until it is"
+            " ended.",
+        ),
     ],
     ids=str,
 )

@@ -94,20 +94,20 @@ def told(
     [
         (
             *(always, [3, 1], {"seconds": 3.0}),
-            ["3 cases; tried 3 times more, seen 3", "one case; tried once more, seen 1"],
+            ["3 cases; tried again 3 times, seen 3 times", "one case; tried again once, seen once"],
         ),
         (
             *(always, [2, 2, 2], {"seconds": 2.0}),
-            ["2 cases; tried once more, seen 1"] * 2
+            ["2 cases; tried again once, seen once"] * 2
             + ["2 cases; not tried again: --shrink's time was up"],
         ),
-        (never, [1], {}, ["one case; tried 3 times more, seen no more"]),
-        (now_and_then(), [2], {}, ["2 cases; tried 3 times more, seen 2"]),
-        (with_a_7, [9], {}, ["one case; tried 3 times more, seen 3"]),
+        (never, [1], {}, ["one case; tried again 3 times, seen never"]),
+        (now_and_then(), [2], {}, ["2 cases; tried again 3 times, seen 2 times"]),
+        (with_a_7, [9], {}, ["one case; tried again 3 times, seen 3 times"]),
         (always, [1], {"seconds": 0.0}, ["one case; not tried again: --shrink 0 leaves no time"]),
         (
             *(always, [0], {"plan": WAITED}),
-            ["it takes no case; not tried again: the harness does not start it"],
+            ["no special input is needed; not tried again: the harness does not start it"],
         ),
         (
             *(NoVerdict("gone\nfor good"), [1], {}),

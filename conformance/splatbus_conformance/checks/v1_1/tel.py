@@ -77,7 +77,7 @@ class TelemetryReader:
         self.trial.expect(
             len(self.told()) > known,
             "told-nothing",
-            "who has subscribed to everything is told nothing any more",
+            "a client that has subscribed to everything is sent no telemetry any more",
         )
 
     def names(self) -> list[str]:
@@ -86,7 +86,7 @@ class TelemetryReader:
         self.listen(before, 2)
         found = [name for message in self.told()[before:] for name in names_in(message)]
         if not found:
-            self.trial.not_observable("who subscribes to everything is told nothing")
+            self.trial.not_observable("a client that subscribes to everything is sent no telemetry")
         return list(dict.fromkeys(found))
 
 
@@ -119,7 +119,7 @@ def check_numbers_what_it_tells(trial: ServerTrial) -> None:
             expect_one_offset(trial, [*clocks, last])
     told = [whole(message.get("seq")) or 0 for message in listener.told()[before:]]
     if not told:
-        trial.not_observable("who subscribes to everything is told nothing")
+        trial.not_observable("a client that subscribes to everything is sent no telemetry")
     ascends = all(a < b for a, b in pairwise(told))
     trial.expect(ascends, "not-ascending", f"the numbers of telemetry are {show(told[:20])}")
 

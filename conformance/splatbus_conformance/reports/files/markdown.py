@@ -46,12 +46,12 @@ def markdown_report(reports: Iterable[Report], most: int = MOST_BYTES) -> str:
 def _parts(report: Report) -> Iterator[str]:
     yield f"## SplatBus conformance: {report['side']} {code(report['testee'])}\n"
     yield f"**{plain(report['summary'])}**\n"
+    for complaint in report["complaints"]:
+        yield f"- **failed:** {plain(complaint)}\n"
     count = Counter(entry["verdict"] for entry in report["requirements"])
     rows = (f"| {said} | {count[name]} |" for name, said in VERDICTS.items() if count[name])
     yield "\n".join(("| requirements | |", "|---|---:|", *rows, ""))
     yield f"{plain(_circumstances(report))}\n"
-    for complaint in report["complaints"]:
-        yield f"- {plain(complaint)}\n"
     for advice in report["advice"]:
         yield f"{plain(advice)}\n"
     told = list(results(report))

@@ -86,7 +86,7 @@ def first_view(trial: ServerTrial, least: float = LEAST_COVERED) -> CapturedFram
     if first is None:
         trial.not_observable("the server showed no image")
     if first.covered().mean() < least:
-        trial.not_observable("in the server's first image next to nothing is seen")
+        trial.not_observable("the server's first image has hardly a pixel with alpha and depth")
     return first
 
 

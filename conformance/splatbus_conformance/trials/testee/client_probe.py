@@ -258,7 +258,8 @@ def _meet(peer: Peer, role: ScriptedServer, testee: Testee, patience: float) -> 
     facts.memory_seconds = pace
     facts.probes = _probes(met)
     seen = [_met(connection, role, testee) for connection in met]
-    facts.advice = probe_advice.on_client(seen, peer.ports, testee.group)
+    left = str(testee.ended() or "")
+    facts.advice = probe_advice.on_client(seen, peer.ports, testee.group, left)
     _take_leave(peer, met)
 
     def back() -> set[Channel]:
@@ -357,7 +358,14 @@ def _met(
         failed=str(failed[0].get("reason")) if failed else "",
         process=_process(connection, testee),
         unfinished=connection.unfinished,
+        rate=_rate(connection),
     )
+
+
+def _rate(connection: Connection) -> float:
+    """Messages a second, since its first."""
+    times = [connection.arrived(it) for it in connection.messages]
+    return len(times) / max(times[-1] - times[0], SETTLE_SECONDS) if times else 0.0
 
 
 def _offered(role: ScriptedServer, connection: Connection) -> str:

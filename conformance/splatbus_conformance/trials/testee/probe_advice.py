@@ -24,6 +24,12 @@ BLANK = (
     "judged. If it makes memory late, for a scene that it still loads, wait for that before it is "
     "met (--connect)."
 )
+LEFT = (
+    "Your client {} while it was served. It has to run until the harness ends it: most of what is "
+    "judged comes later."
+)
+FLOOD = 1000.0
+"""Messages a second: a display refreshes 60 to 240 times."""
 
 
 class ObservedConnection(NamedTuple):
@@ -48,6 +54,8 @@ class ObservedConnection(NamedTuple):
     """Which process is at the other end, where that is shown."""
     unfinished: bytes = b""
     """What came of a payload that is not complete."""
+    rate: float = 0.0
+    """Messages a second that came."""
 
 
 def observed(connection: Connection, port: int) -> ObservedConnection:
@@ -63,7 +71,10 @@ def observed(connection: Connection, port: int) -> ObservedConnection:
 
 
 def on_client(
-    met: Sequence[ObservedConnection], wanted: dict[Channel, int], launched: int | None
+    met: Sequence[ObservedConnection],
+    wanted: dict[Channel, int],
+    launched: int | None,
+    ended: str = "",
 ) -> list[str]:
     """What the first meeting suggests to the author of a client.
 
@@ -72,12 +83,14 @@ def on_client(
         wanted: the port of each channel.
         launched: the process that the harness started, if it has none but this, and processes can
             be told apart here.
+        ended: how its process ended while it was served, if it did.
     """
     return [
         *_foreign(met),
         *(_swapped_client(met) or _one_channel(met, wanted)),
-        *_size(met),
+        *([LEFT.format(ended)] if ended else _size(met)),
         *_several(met, launched),
+        *_flood(met),
     ]
 
 
@@ -174,6 +187,16 @@ def _size(met: Sequence[ObservedConnection]) -> list[str]:
                 "--viewport 1920x1080"
             ]
     return []
+
+
+def _flood(met: Sequence[ObservedConnection]) -> list[str]:
+    rate = max((it.rate for it in met), default=0.0)
+    if rate <= FLOOD:
+        return []
+    return [
+        f"Your client sends {rate:,.0f} messages a second, where a display refreshes 60 to 240 "
+        "times: let its loop wait for that. The harness looks at each, so this run takes long"
+    ]
 
 
 def _several(met: Sequence[ObservedConnection], launched: int | None) -> list[str]:

@@ -93,7 +93,7 @@ def test_a_summary_says_the_verdict_the_counts_and_each_failure() -> None:
         "| broken | 2 |",
         f"| not observed | {count['skip']} |",
         "profile soak; seed 3, 4; 3 cases; 1\\.5 s",
-        "- too little was observed",
+        "- **failed:** too little was observed",
         "Start with FRM\\-3",
         "### broken: FRM-3, rule (L0)",
         "> A receiver MUST close a connection",

@@ -58,7 +58,7 @@ def test_it_says_what_the_report_says_in_the_order_in_which_to_mend_it() -> None
         "seen (expected: issue 17)",
         "FRM Framing 3 of 8 observed",
         "Not observed, and why",
-        "its checks did not run; a live run with --profile full has all of them FRM-4 , FRM-5",
+        "its checks did not run; a live run with --profile full runs them all FRM-4 , FRM-5",
         "no run shows it: a socket option of the other side",
         "no hello JSN-1",
         "left out by --select or --deselect POS-1",

@@ -74,6 +74,7 @@ STAYS = seen("ipc")
         ),
         ([STAYS, seen("msg", unread=TEXT + b"\0")], "the text has no terminator (FRM-1)"),
         ([STAYS, seen("msg", unfinished=TEXT)], "the length does not count the header (FRM-1)"),
+        ([STAYS, seen("msg", rate=12_000.0)], "sends 12,000 messages a second"),
     ],
 )
 def test_a_client_is_told_one_thing(met: list[ObservedConnection], words: str) -> None:
@@ -106,6 +107,10 @@ def test_a_client_that_insists_on_its_own_size_is_told_of_viewport(tmp_path: Pat
     told = advice(command)
     assert "when it was told of images of 64x48" in told
     assert "--viewport 1920x1080" in told
+    first = "        meta, ring, memory, means = ("
+    told = advice(broken(tmp_path, (first, f"        os._exit(0)\n{first}")))
+    assert "Your client ended with status 0 while it was served." in told
+    assert "--viewport" not in told
     told = advice(broken(tmp_path, ('memory["kind"] == "host_shm"', "False")))
     assert "it says 'a rule is broken'" in told
 

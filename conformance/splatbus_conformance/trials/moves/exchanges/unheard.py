@@ -8,7 +8,7 @@ from splatbus_conformance.wire.sockets import Connection
 def silent_connection(trial: ClientTrial) -> Connection:
     """A new IPC connection of a testee that says nothing on it; nothing is sent on it yet."""
     if trial.facts.speaks_1_1("ipc"):
-        trial.not_observable("the testee speaks on the IPC channel: another check sees more")
+        trial.not_observable("the testee speaks on the IPC channel, so another check judges it")
     trial.role.offers_memory = False
     newest = trial.peer.newest("ipc", lambda it: True)
     if newest and not newest.gone and not newest.sent:
