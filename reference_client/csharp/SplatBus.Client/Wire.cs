@@ -20,7 +20,7 @@ namespace SplatBus
         public const int MaxClientValues = 4096;
         /// <summary>The same in a payload of a server, in values [JSN-12].</summary>
         public const int MaxServerValues = 65536;
-        /// <summary>Largest integer that every JSON reader keeps exactly, 2^53 - 1 [REQ-2, INI-5, INI-6, NEG-27, OPN-13, MEM-1, MEM-2, MEM-8, IMG-1, SCN-2, TEL-2].</summary>
+        /// <summary>Largest integer that every JSON reader keeps exactly, 2^53 - 1 [REQ-2, INI-5, INI-6, NEG-27, OPN-13, MEM-1, MEM-2, MEM-8, IMG-1, IMG-12, SCN-2, TEL-2].</summary>
         public const long MaxSafeInteger = 9007199254740991;
         /// <summary>Least time between the beginnings of two attempts to connect, in seconds [CHN-21].</summary>
         public const double ReconnectMinSeconds = 0.1;
@@ -327,9 +327,9 @@ namespace SplatBus
     {
         /// <summary><c>type</c>: Names the message [IMG-12].</summary>
         public string Type { get { return "release"; } }
-        /// <summary><c>generation</c>: That of the init packet [IMG-12]; at least 1.</summary>
+        /// <summary><c>generation</c>: That of the init packet [IMG-12]; 1 to 9007199254740991 (max_safe_integer).</summary>
         public long Generation { get; set; }
-        /// <summary><c>seq</c>: That of the frame [IMG-12]; at least 0.</summary>
+        /// <summary><c>seq</c>: That of the frame [IMG-12]; 0 to 9007199254740991 (max_safe_integer).</summary>
         public long Seq { get; set; }
     }
 

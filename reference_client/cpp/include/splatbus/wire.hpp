@@ -26,7 +26,7 @@ inline constexpr std::int64_t max_json_depth = 64;
 inline constexpr std::int64_t max_client_values = 4096;
 /// The same in a payload of a server, in values [JSN-12].
 inline constexpr std::int64_t max_server_values = 65536;
-/// Largest integer that every JSON reader keeps exactly, 2^53 - 1 [REQ-2, INI-5, INI-6, NEG-27, OPN-13, MEM-1, MEM-2, MEM-8, IMG-1, SCN-2, TEL-2].
+/// Largest integer that every JSON reader keeps exactly, 2^53 - 1 [REQ-2, INI-5, INI-6, NEG-27, OPN-13, MEM-1, MEM-2, MEM-8, IMG-1, IMG-12, SCN-2, TEL-2].
 inline constexpr std::int64_t max_safe_integer = 9007199254740991;
 /// Least time between the beginnings of two attempts to connect, in seconds [CHN-21].
 inline constexpr double reconnect_min_seconds = 0.1;
@@ -308,10 +308,10 @@ struct Release {
   /// Names the message [IMG-12].
   static constexpr std::string_view type = "release";
   /// That of the init packet [IMG-12].
-  /// At least 1.
+  /// 1 to 9007199254740991 (max_safe_integer).
   std::int64_t generation{};
   /// That of the frame [IMG-12].
-  /// At least 0.
+  /// 0 to 9007199254740991 (max_safe_integer).
   std::int64_t seq{};
 };
 

@@ -305,6 +305,14 @@ def crashes_on_a_reply_without_its_member(patch):
     _crashes(patch, lambda problem: "is missing" in str(problem), client.READS_MESSAGE)
 
 
+@mutant("NEG-42", check="check_bears_what_may_come", code="dies", at=client.READS_MESSAGE)
+def crashes_on_a_camera_at_the_end_of_the_world(original, payload, *rest):
+    """Multiplies positions in single precision, and does not expect the greatest."""
+    if b"e+38" in payload:
+        crash()
+    return original(payload, *rest)
+
+
 def _crashes(patch, at, reader=client.READS_ON_IPC):
     def decode(original, *read):
         try:

@@ -136,6 +136,12 @@ def server_dies_of_deep_text(patch):
     _dies(patch, "msg", lambda payload: payload.count(b"[") > 50_000)
 
 
+@mutant("NEG-42", check="check_bears_what_may_come", code="dies")
+def server_dies_of_no_names(patch):
+    """Takes the first of the series that a client wants, and it wants none."""
+    _dies(patch, "msg", lambda payload: b'"names":[]' in payload)
+
+
 @mutant("JSN-10", check="check_survives_broken_payloads_of_readers", code="dies")
 def server_dies_of_what_is_no_object(patch):
     """Takes the members of an array on the IPC channel."""
