@@ -126,11 +126,10 @@ class Adapter {
       if (lease.depth() != nullptr) copy.depth.assign(lease.depth(), lease.depth() + pixels);
     }
     copy.semantics = lease.packet().semantics;
+    const std::lock_guard lock(gate_);  // before it is given back: who sees that asks for this copy
     const bool is_good = lease.is_still_lent();
     lease = FrameLease();  // which waits for the stream
-    if (!is_good) return;
-    const std::lock_guard lock(gate_);
-    newest_ = std::move(copy);
+    if (is_good) newest_ = std::move(copy);
   }
 
   cuda::Stream stream_on(const cuda::Device& device) {
