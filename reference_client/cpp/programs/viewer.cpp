@@ -46,7 +46,6 @@ void look(const splatbus::FrameLease& lease) {
 
 int main(int count, char** arguments) {
   const char* file = count > 1 ? arguments[1] : nullptr;
-  std::setvbuf(stdout, nullptr, _IOLBF, BUFSIZ);
   splatbus::Client client(splatbus::ClientOptions::from_environment());
   for (int step = 0;; ++step) {
     splatbus::Pose pose;
@@ -54,8 +53,10 @@ int main(int count, char** arguments) {
     client.send_camera(pose);
     if (const splatbus::FrameLease lease = client.take_frame(refresh)) {
       look(lease);
-      if (file != nullptr) return png::write(file, lease) ? 0 : 1;
+      if (file != nullptr) return png::write(file, lease) ? 0 : (std::perror(file), 1);
     }
     while (const auto event = client.next_event()) std::visit(Told(), *event);
+    std::fflush(stdout);  // Windows buffers no lines, and has no signal that says that nobody reads
+    if (std::ferror(stdout) != 0) return 1;
   }
 }

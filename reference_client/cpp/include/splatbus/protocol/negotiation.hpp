@@ -13,6 +13,16 @@
 #include "splatbus/protocol/part.hpp"
 #include "splatbus/text/text.hpp"
 
+#ifdef _WIN32
+#ifndef NOMINMAX
+#define NOMINMAX
+#endif
+#ifndef WIN32_LEAN_AND_MEAN
+#define WIN32_LEAN_AND_MEAN
+#endif
+#include <windows.h>
+#endif
+
 namespace splatbus {
 
 /// Where the server is, and who asks.
@@ -30,17 +40,29 @@ struct ClientOptions {
   /// no number is 0, and the client says so when it would connect.
   static ClientOptions from_environment() {
     ClientOptions options;
-    if (const char* it = variable(framing::host_variable)) options.host = it;
-    if (const char* it = variable(framing::ipc_port_variable)) options.ipc_port = std::atoi(it);
-    if (const char* it = variable(framing::message_port_variable)) options.message_port = std::atoi(it);
-    if (const char* it = variable("SPLATBUS_TOKEN")) options.token = it;
+    if (const auto it = variable(framing::host_variable)) options.host = *it;
+    if (const auto it = variable(framing::ipc_port_variable)) options.ipc_port = std::atoi(it->c_str());
+    if (const auto it = variable(framing::message_port_variable)) options.message_port = std::atoi(it->c_str());
+    options.token = variable("SPLATBUS_TOKEN");
     return options;
   }
 
  private:
-  static const char* variable(std::string_view name) {
-    const char* value = std::getenv(std::string(name).c_str());
-    return value != nullptr && *value != '\0' ? value : nullptr;
+  /// As UTF-8.
+  static std::optional<std::string> variable(std::string_view name) {
+#ifdef _WIN32
+    // What getenv tells there is in the system's code page, which lacks most characters.
+    const std::wstring wide(name.begin(), name.end());
+    std::wstring found(GetEnvironmentVariableW(wide.c_str(), nullptr, 0), L'\0');
+    const DWORD units = GetEnvironmentVariableW(wide.c_str(), found.data(), static_cast<DWORD>(found.size()));
+    std::string value(3 * found.size(), '\0');
+    const int bytes = WideCharToMultiByte(CP_UTF8, 0, found.data(), static_cast<int>(units), value.data(), static_cast<int>(value.size()), nullptr, nullptr);
+    value.resize(static_cast<std::size_t>(bytes));
+#else
+    const char* found = std::getenv(std::string(name).c_str());
+    const std::string value = found != nullptr ? found : "";
+#endif
+    return value.empty() ? std::nullopt : std::optional(value);
   }
 };
 
