@@ -1,10 +1,10 @@
 """`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
 
 Each foreign program and each client for an engine, in two profiles with three seeds, some at a
-time; the extension in each Blender likewise, and the reference pair with twenty, alone on the
-machine; the pair with five more beside two processes that never rest; 1,500 mutants made by
-machine. What is done stays done as long as the sources of what is judged, and of what judges, are
-those of the first sitting; the results are stored beside.
+time; the extension in each Blender likewise, the C++ client's programs for Windows under Wine, and
+the reference pair with twenty, alone on the machine; the pair with five more beside two processes
+that never rest; 1,500 mutants made by machine. What is done stays done as long as the sources of
+what is judged, and of what judges, are those of the first sitting; the results are stored beside.
 """
 
 import argparse
@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.blender import blenders
-from tests.blender.blenders import BLENDERS, installed
+from tests.blender.blenders import BLENDERS, installed, passing
 from tests.blender.running import adapter
 from tests.engines.built import built
 from tests.foreign import programs as foreign_programs
@@ -73,6 +73,7 @@ NO_PART = (
 JUDGES = ("conformance", "schemas/splatbus_wire", "tests/zoo", *NO_PART)
 JUDGED = (*JUDGES, "schemas", "reference_client", "reference_server", "tests/foreign")
 """A result is of these sources."""
+WINE = "tests/engines/under_wine.py"
 ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl", "opengl device")}
 """The clients for engines, each in folders of its own, and the axes of their adapters."""
 NO_SOURCES = (".md", ".meta", ".pyc")
@@ -133,6 +134,8 @@ def plan() -> Iterator[Task]:
     for version in BLENDERS:
         name = f"tests of blender {version}, of {digest(*blenders.TESTED)}"
         yield Task(name, partial(blenders.tried, version))
+    sources = digest("reference_client/cpp", "tests/engines")
+    yield Task(f"cpp under Wine, of {sources}", partial(passing, [WINE], os.environ))
     for profile in PROFILES:
         for seed in PAIR_SEEDS:
             for name in PAIR:

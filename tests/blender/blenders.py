@@ -12,6 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -53,17 +54,22 @@ def installed(version: str) -> str:
 
 
 def tried(version: str, scratch: Path) -> dict[str, Any]:
-    """What is wrong by the tests of the extension, of which none may be skipped.
+    """What is wrong by the tests of the extension.
 
     Raises:
         Lacking: there is no such Blender.
     """
-    line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/blender"]
-    line += ["--ignore", "tests/blender/test_adapter.py", f"--basetemp={scratch / 'tests'}"]
+    words = ("tests/blender", "--ignore", "tests/blender/test_adapter.py")
+    return passing(words, os.environ | {VARIABLE: installed(version)}, scratch)
+
+
+def passing(words: Sequence[str], variables: Mapping[str, str], scratch: Path) -> dict[str, Any]:
+    """What is wrong by these tests, of which none may be skipped."""
+    line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rs", *words]
     done = subprocess.run(
-        line,
+        [*line, f"--basetemp={scratch / 'tests'}"],
         cwd=ROOT,
-        env=os.environ | {VARIABLE: installed(version)},
+        env=variables,
         capture_output=True,
         text=True,
         timeout=_TEST_SECONDS,

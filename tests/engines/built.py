@@ -60,7 +60,7 @@ def compiled_cpp(
     """A program of the C++ client; a warning is an error."""
     line = [compiler, "-std=c++17", *options, *WARNINGS, f"-I{CPP}", f"-I{CPP / 'include'}"]
     line += ["-pthread", str(source), *libraries]
-    return kept(source.stem, line, [source, *texts(CPP)])
+    return kept(source.stem, line, [*texts(source.parent), *texts(CPP)])
 
 
 def texts(folder: Path) -> list[Path]:
