@@ -109,8 +109,12 @@ REQUESTS = st.lists(
     max_size=TOGETHER,
 )
 SAYS = {
-    **dict.fromkeys(("camera_pose", "point_cloud_pose", "get_camera_pose", "get_viewport_size"), ""),
-    **{"object_pose": "objects", "set_time": "time", "get_scene": "scene", "ping": "ping"},
+    **dict.fromkeys(("camera_pose", "point_cloud_pose", "get_camera_pose"), ""),
+    "get_viewport_size": "",
+    "object_pose": "objects",
+    "set_time": "time",
+    "get_scene": "scene",
+    "ping": "ping",
     "subscribe_telemetry": "telemetry",
 }
 """Messages of clients that change no size, and the capability of each."""
