@@ -268,7 +268,7 @@ class Stage {
 }  // namespace
 
 int main(int count, char** arguments) {
-  if (count < 2) give_up("gl_viewer FILE.png [IMAGES]");
+  if (count < 2 || count > 3 || arguments[1][0] == '-') give_up("gl_viewer FILE.png [IMAGES]");
   const long images = count > 2 ? std::atol(arguments[2]) : 1;
   Client client(ClientOptions::from_environment());
   std::optional<Stage> stage;

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 // A viewer without a window: sways the camera, looks at the pixel in the middle of each image, says what
-// happens, and writes the first image to the file that is named, if one is. Where to connect stands in
-// the environment, SPLATBUS_HOST and so on.
+// happens. Where a file is named, it writes the first image of a pose of its own there, and ends. Where
+// to connect stands in the environment, SPLATBUS_HOST and so on.
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <variant>
+#include <string_view>
 
 #include "png.hpp"
 #include "splatbus/client.hpp"
@@ -14,24 +14,11 @@ namespace {
 
 constexpr std::chrono::milliseconds refresh{50};
 
-const char* name(splatbus::ChannelName channel) { return channel == splatbus::ChannelName::ipc ? "IPC" : "message"; }
+/// Comes back with each image that shows a pose of ours.
+constexpr std::string_view tag = "viewer";
 
-struct Told {
-  void operator()(const splatbus::Connected& it) const {
-    std::printf("%s: %s\n", name(it.channel), it.welcome ? (it.welcome->server.name + ", 1.1").c_str() : "a server of 1.0");
-  }
-  void operator()(const splatbus::Lost& it) const { std::printf("%s: %s; trying again\n", name(it.channel), it.why.c_str()); }
-  void operator()(const splatbus::Images& it) const {
-    if (it.packet) std::printf("images of %lld x %lld\n", static_cast<long long>(it.packet->meta.w), static_cast<long long>(it.packet->meta.h));
-    else std::printf("no images: %s\n", it.why.c_str());
-  }
-  void operator()(const splatbus::ServerError& it) const {
-    std::printf("%s: the server says %s: %s\n", name(it.channel), it.error.code.c_str(), it.error.message.c_str());
-  }
-  void operator()(const splatbus::Problem& it) const { std::printf("%s: the server sent %s\n", name(it.channel), it.what.c_str()); }
-  void operator()(const splatbus::Telemetry& it) const { std::printf("%zu series of telemetry\n", it.series.size()); }
-  void operator()(const splatbus::Replied&) const {}
-};
+/// Images from before the first pose are nobody's; a server of 1.0 does not say which they are.
+bool shows_own_pose(const splatbus::FrameLease& lease) { return !lease.has_camera() || lease.frame().camera.tag == tag; }
 
 void look(const splatbus::FrameLease& lease) {
   const auto& meta = lease.packet().meta;
@@ -46,16 +33,17 @@ void look(const splatbus::FrameLease& lease) {
 
 int main(int count, char** arguments) {
   const char* file = count > 1 ? arguments[1] : nullptr;
+  if (count > 2 || (file != nullptr && file[0] == '-')) return std::fputs("viewer [FILE.png]\n", stderr), 2;
   splatbus::Client client(splatbus::ClientOptions::from_environment());
   for (int step = 0;; ++step) {
     splatbus::Pose pose;
     pose.position = {0.1 * std::sin(0.1 * step), 0, -4};
-    client.send_camera(pose);
+    client.send_camera(pose, nullptr, tag);
     if (const splatbus::FrameLease lease = client.take_frame(refresh)) {
       look(lease);
-      if (file != nullptr) return png::write(file, lease) ? 0 : (std::perror(file), 1);
+      if (file != nullptr && shows_own_pose(lease)) return png::write(file, lease) ? 0 : (std::perror(file), 1);
     }
-    while (const auto event = client.next_event()) std::visit(Told(), *event);
+    while (const auto event = client.next_event()) std::puts(to_string(*event).c_str());
     std::fflush(stdout);  // Windows buffers no lines, and has no signal that says that nobody reads
     if (std::ferror(stdout) != 0) return 1;
   }

@@ -21,12 +21,14 @@ namespace SplatBus
         public string Problem;
     }
 
-    /// <summary>Something that was not asked for; see the classes below.</summary>
+    /// <summary>Something that was not asked for; see the classes below. Its text says what happened, for a person.</summary>
     public abstract class ClientEvent
     {
         internal ClientEvent(ChannelName channel) { Channel = channel; }
 
         public ChannelName Channel { get; private set; }
+
+        public abstract override string ToString();
     }
 
     /// <summary>The server is known: from now on its version is spoken.</summary>
@@ -36,6 +38,11 @@ namespace SplatBus
 
         /// <summary>Null where the server speaks 1.0.</summary>
         public Welcome Welcome { get; private set; }
+
+        public override string ToString()
+        {
+            return Channel + ": connected to " + (Welcome == null ? "a server of 1.0" : Welcome.Server.Name + " " + Welcome.Server.Version);
+        }
     }
 
     /// <summary>A connection, or an attempt at one, came to nothing; another follows.</summary>
@@ -44,6 +51,8 @@ namespace SplatBus
         internal LostEvent(ChannelName channel, string why) : base(channel) { Why = why; }
 
         public string Why { get; private set; }
+
+        public override string ToString() { return Channel + ": " + Why + "; trying again"; }
     }
 
     /// <summary>There is memory for images, of another size perhaps; or none any more.</summary>
@@ -57,8 +66,13 @@ namespace SplatBus
 
         /// <summary>Null if the memory cannot be used.</summary>
         public InitPacket Packet { get; private set; }
-        /// <summary>Why not.</summary>
+        /// <summary>Why not; null where the server has none yet.</summary>
         public string Why { get; private set; }
+
+        public override string ToString()
+        {
+            return Packet == null ? "no images: " + (Why ?? "the server has none yet") : "images of " + Packet.Meta.W + " x " + Packet.Meta.H;
+        }
     }
 
     /// <summary>The server said what went wrong, and answered no request by it.</summary>
@@ -67,6 +81,8 @@ namespace SplatBus
         internal ErrorEvent(ChannelName channel, Error error) : base(channel) { Error = error; }
 
         public Error Error { get; private set; }
+
+        public override string ToString() { return Channel + ": the server says " + Error.Code + ": " + Error.Message; }
     }
 
     /// <summary>The server broke a rule, and was borne.</summary>
@@ -75,6 +91,8 @@ namespace SplatBus
         internal ProblemEvent(ChannelName channel, string what) : base(channel) { What = what; }
 
         public string What { get; private set; }
+
+        public override string ToString() { return Channel + ": the server broke a rule: " + What; }
     }
 
     /// <summary>Series that have a new value.</summary>
@@ -83,5 +101,7 @@ namespace SplatBus
         internal TelemetryEvent(Telemetry telemetry) : base(ChannelName.Message) { Telemetry = telemetry; }
 
         public Telemetry Telemetry { get; private set; }
+
+        public override string ToString() { return "telemetry: " + string.Join(", ", Array.ConvertAll(Telemetry.Series, each => each.Name)); }
     }
 }

@@ -25,7 +25,7 @@ namespace SplatBus.Viewer
                     client.SendCamera(pose);
                     using (FrameLease lease = client.TakeFrame(Refresh)) if (lease.IsThere) Look(lease);
                     ClientEvent told;
-                    while (client.TryTakeEvent(out told)) Tell(told);
+                    while (client.TryTakeEvent(out told)) Console.WriteLine(told);
                 }
             }
         }
@@ -37,20 +37,6 @@ namespace SplatBus.Viewer
             float depth = lease.Depth[(int)middle];
             ReadOnlySpan<float> color = lease.Color.Slice((int)(4 * middle), 4);
             Console.WriteLine("image {0}: {1:g3} {2:g3} {3:g3} in the middle, at depth {4:g3}", lease.Frame.Seq, color[0], color[1], color[2], depth);
-        }
-
-        static void Tell(ClientEvent told)
-        {
-            var connected = told as ConnectedEvent;
-            var lost = told as LostEvent;
-            var images = told as ImagesEvent;
-            var error = told as ErrorEvent;
-            var problem = told as ProblemEvent;
-            if (connected != null) Console.WriteLine("{0}: {1}", told.Channel, connected.Welcome == null ? "a server of 1.0" : connected.Welcome.Server.Name + ", 1.1");
-            if (lost != null) Console.WriteLine("{0}: {1}; trying again", told.Channel, lost.Why);
-            if (images != null) Console.WriteLine(images.Packet == null ? "no images: " + images.Why : "images of " + images.Packet.Meta.W + " x " + images.Packet.Meta.H);
-            if (error != null) Console.WriteLine("{0}: the server says {1}: {2}", told.Channel, error.Error.Code, error.Error.Message);
-            if (problem != null) Console.WriteLine("{0}: the server sent {1}", told.Channel, problem.What);
         }
     }
 }
