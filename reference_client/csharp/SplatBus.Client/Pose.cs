@@ -4,6 +4,7 @@ using System;
 namespace SplatBus
 {
     /// <summary>A position, in scene units, and a rotation as a unit quaternion: camera-to-world or object-to-world.</summary>
+    /// <remarks>What is sent and read is in the axes of the wire: x right, y down, z forward, the camera looking along z.</remarks>
     public struct Pose
     {
         public double X, Y, Z;

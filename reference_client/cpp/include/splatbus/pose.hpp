@@ -9,7 +9,8 @@
 
 namespace splatbus {
 
-/// Camera-to-world or object-to-world: x, y, z in scene units, and a unit quaternion x, y, z, w.
+/// Camera-to-world or object-to-world: x, y, z in scene units, and a unit quaternion x, y, z, w. What is
+/// sent and read is in the axes of the wire: x right, y down, z forward, the camera looking along z.
 struct Pose {
   std::array<double, 3> position{};
   std::array<double, 4> rotation{0, 0, 0, 1};

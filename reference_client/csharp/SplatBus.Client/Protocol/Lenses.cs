@@ -6,11 +6,11 @@ namespace SplatBus
     /// <summary>Intrinsics: made of a field of view, read, written, and checked [CAM-4].</summary>
     public static class Lenses
     {
-        /// <summary>A symmetric lens.</summary>
+        /// <summary>A symmetric lens, for images of this size: a server refuses one of another shape than its images [CAM-6].</summary>
         /// <param name="verticalDegrees">Vertical field of view, as Unity's `Camera.fieldOfView`.</param>
         /// <param name="near">Clipping plane, in scene units.</param>
         /// <param name="far">Clipping plane, in scene units.</param>
-        public static Intrinsics FromFieldOfView(double verticalDegrees, int width, int height, double near, double far)
+        public static Intrinsics FromFieldOfView(double verticalDegrees, long width, long height, double near, double far)
         {
             double focal = height / 2.0 / Math.Tan(verticalDegrees * Math.PI / 360);
             return new Intrinsics { Fx = focal, Fy = focal, Cx = width / 2.0, Cy = height / 2.0, Width = width, Height = height, Near = near, Far = far };
