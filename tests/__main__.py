@@ -98,7 +98,10 @@ class Running:
 
 
 def main(wanted: list[str]) -> int:
-    """Run the steps named, or all: those of both kinds beside each other, until one fails."""
+    """Run the steps named, or all until one fails: those of both kinds beside each other."""
+    if wanted in (["--help"], ["-h"]):
+        print(__doc__)
+        return 0
     zoo_in_part = wanted[:1] == ["zoo"] and any(it[:1] == "-" for it in wanted)
     if wanted[:1] in (["long"], ["renew"]) or zoo_in_part:
         return subprocess.run((*PYTHON, f"tests.{wanted[0]}", *wanted[1:]), cwd=ROOT).returncode
@@ -116,7 +119,7 @@ def main(wanted: list[str]) -> int:
 def run(lanes: list[list[str]], folder: Path, *, renews: bool) -> int:
     """Run the steps of each lane one after the other; the status of the first that fails, or 0.
 
-    How long each took is stored if it `renews`: of some steps alone it says nothing.
+    A run of all `renews` how long each took, and ends with the first that fails.
     """
     from tests.durations import Durations  # which takes what may not be installed
 
@@ -138,7 +141,7 @@ def run(lanes: list[list[str]], folder: Path, *, renews: bool) -> int:
     try:
         for lane in filter(None, lanes):
             begin(lane)
-        while running and not status:
+        while running and not (renews and status):
             ended = wait([kept.fate for kept in running])
             for kept in [it for it in running if it.fate in ended]:
                 step, fate = running.pop(kept), kept.fate.recv()
@@ -155,7 +158,7 @@ def run(lanes: list[list[str]], folder: Path, *, renews: bool) -> int:
                 durations.took(step.name, seconds)
                 status = status or fate.status or bool(fate.left)
                 lane = lanes[step.name in RUN]
-                if lane and not status:
+                if lane and not (renews and status):
                     begin(lane)
     finally:
         end(*running)
