@@ -206,13 +206,19 @@ def _parser() -> argparse.ArgumentParser:
     pose = shoot.add_mutually_exclusive_group()
     pose.add_argument(
         "--pose",
-        type=option(parse_pose, "place and quaternion such as 0,-1,-3,0,0,0,1"),
+        type=option(
+            parse_pose, "numbers, a place and a quaternion, such as 0,-1,-3,0,0,0,1", "seven"
+        ),
         metavar="X,Y,Z,QX,QY,QZ,QW",
         help="camera-to-world, x right, y down, z forward, scalar last",
     )
     pose.add_argument(
         "--look-at",
-        type=option(parse_look_at, "view of one point from another, such as 0,-1,-3,0,0,2"),
+        type=option(
+            parse_look_at,
+            "numbers, the eye and another point to look at, such as 0,-1,-3,0,0,2",
+            "six",
+        ),
         dest="pose",
         metavar="EX,EY,EZ,TX,TY,TZ",
         help="an upright camera at E that looks at T",

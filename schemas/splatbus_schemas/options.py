@@ -12,24 +12,24 @@ from splatbus_schemas import LIMITS
 T = TypeVar("T")
 Number = TypeVar("Number", int, float)
 LARGEST: int = LIMITS["max_image_size"]
-NEAREST_0 = math.ulp(0.0)
 FARTHEST = 1.7e308
 """Whatever is finite, in round numbers."""
 
 
-def option(parse: Callable[[str], T], right: str) -> Callable[[str], T]:
-    """The `type` of an option: what `parse` raises ValueError for is no such thing.
+def option(parse: Callable[[str], T], right: str, number: str = "a") -> Callable[[str], T]:
+    """The `type` of an option: where `parse` raises ValueError, the person is told what to give.
 
     Args:
         parse: makes of a text what is wanted.
         right: ends the sentence, such as "port from 0 to 65535, such as 6001".
+        number: stands before it: "a", or "six" where `right` begins with "numbers".
     """
 
     def read(text: str) -> T:
         try:
             return parse(text)
         except ValueError:
-            raise argparse.ArgumentTypeError(f"{text!r} is no {right}") from None
+            raise argparse.ArgumentTypeError(f"{text!r}: give {number} {right}") from None
 
     return read
 
@@ -63,7 +63,7 @@ def _size(text: str) -> tuple[int, int]:
 
 _pixels = within(int, 1, LARGEST)
 SIZE = option(_size, f"size such as 640x480, of 1 to {LARGEST} pixels either way")
-POSITIVE = option(within(float, NEAREST_0), "number above 0, such as 2.5")
+POSITIVE = option(within(float, math.ulp(0.0)), "number above 0, such as 2.5")
 WHOLE = option(int, "whole number, such as 2")
 COUNT = option(within(int, 1), "whole number from 1 on, such as 4")
 PORT = option(within(int, 0, 65535), "port from 0 to 65535, such as 6001")

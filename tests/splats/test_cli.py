@@ -215,11 +215,11 @@ NONE_GIVEN = "is for files of Gaussians, and none is given"
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["a.ply", "--size", "big"], "'big' is no size"),
-        (["a.ply", "--size", "640x0"], "'640x0' is no size such as 640x480, of 1 to 32768"),
+        (["a.ply", "--size", "big"], "'big': give a size such as"),
+        (["a.ply", "--size", "640x0"], "'640x0': give a size such as 640x480, of 1 to 32768"),
         (["a.ply", "--turntable", "20"], "--turntable is for the spheres"),
-        (["a.ply", "--rate", "0"], "'0' is no number above 0, such as 2.5"),
-        (["a.ply", "--skips", "dim"], "argument --skips: 'dim' is none of none, exact, usual"),
+        (["a.ply", "--rate", "0"], "'0': give a number above 0, such as 2.5"),
+        (["a.ply", "--skips", "dim"], "argument --skips: 'dim': give names of none, exact, usual"),
         (["--rate", "25"], f"--rate {NONE_GIVEN}"),
         (["--seconds", "2"], f"--seconds {NONE_GIVEN}"),
         (["--cameras", "c.json"], f"--cameras {NONE_GIVEN}"),

@@ -46,5 +46,6 @@ def named(text: str) -> Skip:
         elif name in MEANINGS:
             found |= Skip[name.upper()]
         else:
-            raise ValueError(f"{name!r} is none of {', '.join((*GROUPS, *MEANINGS))}")
+            known = ", ".join((*GROUPS, *MEANINGS))
+            raise ValueError(f"{name!r}: give names of {known}, such as hidden,tiles")
     return found
