@@ -226,8 +226,10 @@ class Bus:
         fill = memory.writer(color, depth, alpha, depth_kind, stream)
         if view.wants_depth and depth is None:
             raise ValueError(
-                "a client wants depth (view.wants_depth), but none is given; "
-                "a renderer without depth can give np.full((height, width), np.inf)"
+                "a client wants depth (view.wants_depth), but none is given. A renderer without "
+                "depth can give np.full((view.height, view.width), 0.99 * view.intrinsics.far): "
+                "all of it is then behind what the viewer draws itself. Infinite depth means that "
+                "nothing is there."
             )
 
         if time is None:

@@ -14,9 +14,10 @@ from splatbus_wire.init_packet import VERSION, HostMemory, InitPacket, host_ring
 from splatbus_wire.semantics import Semantics
 
 from splatbus_server import shared_memory
+from splatbus_server.logs import log
 from splatbus_server.publish import Publisher
 from splatbus_server.ring import Ring
-from splatbus_server.source import source
+from splatbus_server.source import DOUBTS, source
 
 Pixels = NDArray[np.float32]
 Writer = Callable[[int, Set[str]], None]
@@ -104,6 +105,7 @@ class Memory:
         self.ring = Ring(readers)
         self._readers = readers
         self._semantics = semantics
+        self._doubts = dict(DOUBTS) if generation == 1 else {}  # which are looked at once
         layout, size = host_ring(width, height, self.ring.slots)
         segment = shared_memory.create(size)
         self.taken = segment.taken
@@ -132,6 +134,9 @@ class Memory:
             raise ValueError("memory of the host is written by the processor: it takes no stream")
         premultiplied = self._semantics.alpha == "premultiplied"
         image = source(color, depth, alpha, depth_kind, self.width, self.height, premultiplied)
+        for name in [it for it in self._doubts if getattr(image, it) is not None]:
+            if doubt := self._doubts.pop(name)(image):
+                log.warning(doubt)
 
         def write(slot: int, wants: Set[str]) -> None:
             if taken := self.taken():

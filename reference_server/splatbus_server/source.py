@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ DepthKind = Literal["linear", "inverse", "accumulated"]
 
 COVERED_ALPHA = np.float32(1.0 / 255.0)  # rounds up: no float32 lies between it and 1/255
 LARGEST = np.finfo(np.float32).max
+VISIBLE_ALPHA = 0.5
 
 
 class Source(NamedTuple):
@@ -65,6 +67,26 @@ def source(
     if alphas is None and pixels.shape[2] == 4:
         alphas = pixels[..., 3]
     return Source(pixels, own_alpha, depths, alphas, depth_kind)
+
+
+def _as_bytes(image: Source) -> str:
+    if image.color.dtype.kind not in "iu" or image.color.max() <= 1:
+        return ""
+    return f"colour of {image.color.dtype} has values above 1, which is white: divide bytes by 255"
+
+
+def _nowhere(image: Source) -> str:
+    visible = image.alpha is None or (image.alpha >= VISIBLE_ALPHA).any()
+    if not visible or (np.isfinite(image.depth) & np.greater(image.depth, 0)).any():
+        return ""
+    return (
+        "no pixel has a depth that is finite and above 0, so clients will show nothing: depth is "
+        "positive in front of the camera"
+    )
+
+
+DOUBTS: dict[str, Callable[[Source], str]] = {"color": _as_bytes, "depth": _nowhere}
+"""By what they look at: a sentence on what is likely a mistake; nothing where all is well."""
 
 
 def _color(color: ArrayLike, size: tuple[int, int]) -> Numbers:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 import splatbus_server
 from splatbus_server import Box, SceneObject, Semantics, View
+from splatbus_server.memory import Memory
 
 from tests.peers.raw_client import IDENTITY, RawClient, Reader, camera_pose, hello
 from tests.waiting import eventually
@@ -136,6 +138,40 @@ def test_a_wrong_image_is_refused_and_the_next_is_published(
     with pytest.raises(ValueError, match=message):
         bus.publish(next_view(bus), *images, **options)
     publish(bus, reader, RGB, DEPTH)
+
+
+def test_what_a_renderer_without_depth_is_told_to_give_is_seen(
+    bus: splatbus_server.Bus, reader: Reader
+) -> None:
+    """[BUF-6, BUF-7, BUF-8]: in front of what is there, and not at the 100.0 of an empty pixel."""
+    view = next_view(bus)
+    with pytest.raises(ValueError, match="wants_depth") as told:
+        bus.publish(view, RGB)
+    (advice,) = re.findall(r"np\.full\(.*\)(?=:)", str(told.value))
+    _, depth = publish(bus, reader, RGB, eval(advice, {"np": np, "view": view}))
+    assert ((depth > 10.0) & (depth < view.intrinsics.far) & (depth != 100.0)).all()
+
+
+@pytest.mark.parametrize(
+    ("color", "depth", "told"),
+    [
+        ((255 * RGB).astype(np.uint8), DEPTH, ["colour of uint8 has values above 1"]),
+        ((255 * RGB).astype(np.int64), -DEPTH, ["colour of int64", "no pixel has"]),
+        (RGB, DEPTH * np.inf, ["no pixel has a depth that is finite and above 0"]),
+        (RGB > 0.5, DEPTH, []),
+        (np.full((HEIGHT, WIDTH, 4), 0.25), -DEPTH, []),
+    ],
+)
+def test_an_image_that_shows_nothing_is_warned_of_once(
+    caplog: pytest.LogCaptureFixture, color: Any, depth: Any, told: list[str]
+) -> None:
+    """Not for each image, nor for each size; depth that nobody gives yet is looked at later."""
+    memory = Memory(WIDTH, HEIGHT, 1, Semantics())
+    for each in (memory, memory.successor(WIDTH, HEIGHT)):
+        for depths in (None, depth, depth):
+            each.writer(color, depths, None, "linear", None)
+        each.close()
+    assert [it in caplog.text for it in told] == [True] * len(caplog.messages)
 
 
 def test_another_size_reaches_the_reader(bus: splatbus_server.Bus, reader: Reader) -> None:
