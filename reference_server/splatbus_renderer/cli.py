@@ -17,7 +17,6 @@ from splatbus_wire.settings import read_token
 
 from splatbus_renderer.demo import BOBBING_TIME, FPS, OBJECTS, render_until, turning_time
 
-"""Pixels."""
 EPILOG = """\
 examples:
   splatbus-server                             serve on 127.0.0.1, ports 6001 and 6000
@@ -27,7 +26,7 @@ examples:
 
 environment (an option wins over it):
   SPLATBUS_HOST, SPLATBUS_IPC_PORT, SPLATBUS_MSG_PORT   where to listen
-  SPLATBUS_TOKEN                                        what clients have to say in their hello
+  SPLATBUS_TOKEN                                        the token that clients have to send
 
 what next:
   Wait for the line that begins with "splatbus-server ready", then look, in another terminal:
@@ -89,22 +88,40 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=ShowVersion)
-    parser.add_argument("--size", type=SIZE, default=(320, 240), metavar="WxH", help="of the image")
-    parser.add_argument("--fps", type=POSITIVE, default=FPS, help=f"most images a second ({FPS:g})")
+    parser.add_argument(
+        "--size",
+        type=SIZE,
+        default=(320, 240),
+        metavar="WxH",
+        help="size of the images in pixels (default: 320x240 for spheres, 640x480 for files)",
+    )
+    parser.add_argument(
+        "--fps", type=POSITIVE, default=FPS, help=f"most images a second (default: {FPS:g})"
+    )
     parser.add_argument(
         "--turntable",
         type=option(within(float, -1e6, 1e6), "number from -1000000 to 1000000, such as 20"),
         default=0.0,
         metavar="DEGREES",
-        help="turn by as much a second",
+        help="turn the spheres by this angle each second",
     )
-    parser.add_argument("--host", help="to listen on (127.0.0.1); another one needs a token")
-    parser.add_argument("--ipc-port", type=PORT, metavar="PORT", help="6001; 0: any that is free")
-    parser.add_argument("--msg-port", type=PORT, metavar="PORT", help="6000; 0: any that is free")
     parser.add_argument(
-        "--token-file", type=Path, metavar="FILE", help="holds the token; only you can read it"
+        "--host", help="address to listen on (default: 127.0.0.1); others need a token"
     )
-    parser.add_argument("--quiet", action="store_true", help="log refusals and errors only")
+    for name, kind, usual in (("ipc", "IPC", 6001), ("msg", "message", 6000)):
+        parser.add_argument(
+            f"--{name}-port",
+            type=PORT,
+            metavar="PORT",
+            help=f"port of the {kind} channel (default: {usual}); 0 takes any free port",
+        )
+    parser.add_argument(
+        "--token-file",
+        type=Path,
+        metavar="FILE",
+        help="file that holds the token; nobody but you may be able to read it (chmod 600)",
+    )
+    parser.add_argument("--quiet", action="store_true", help="log only refusals and errors")
     return parser
 
 

@@ -76,8 +76,9 @@ def _as_bytes(image: Source) -> str:
 
 
 def _nowhere(image: Source) -> str:
-    visible = image.alpha is None or (image.alpha >= VISIBLE_ALPHA).any()
-    if not visible or (np.isfinite(image.depth) & np.greater(image.depth, 0)).any():
+    alpha, depth = image.alpha, image.depth
+    clear = alpha is not None and not (alpha >= VISIBLE_ALPHA).any()
+    if clear or depth is None or (np.isfinite(depth) & (depth > 0)).any():
         return ""
     return (
         "no pixel has a depth that is finite and above 0, so clients will show nothing: depth is "

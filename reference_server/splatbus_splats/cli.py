@@ -19,7 +19,7 @@ from splatbus_schemas.options import POSITIVE, joined
 from splatbus_schemas.visible import worded
 from splatbus_server.api import Bus, serve
 from splatbus_server.view import Intrinsics
-from splatbus_wire.messages import SceneObject
+from splatbus_wire.messages import DEFAULT_OBJECT, SceneObject
 from splatbus_wire.poses import Pose
 from splatbus_wire.settings import read_token
 
@@ -27,7 +27,6 @@ from splatbus_splats.beginning import UPWARDS, USUAL_UP, before, lens_of, reachi
 from splatbus_splats.drawing import gpu
 from splatbus_splats.drawing.skips import MEANINGS, USUAL, Skip, named
 from splatbus_splats.files.cameras import Camera, read_cameras
-from splatbus_splats.files.read import met
 from splatbus_splats.gaussians import Vector
 from splatbus_splats.loading import (
     Loaded,
@@ -39,7 +38,7 @@ from splatbus_splats.loading import (
     source,
     told,
 )
-from splatbus_splats.scene import Frames, Scene
+from splatbus_splats.scene import Clip, Frames, Scene
 from splatbus_splats.serving import SEMANTICS, Drawing, render_until
 
 NAME = "splatbus-server"
@@ -56,41 +55,40 @@ examples:
   splatbus-server                             six spheres on 127.0.0.1, ports 6001 and 6000
   splatbus-server scene.ply                   a scene that you trained
   splatbus-server model                       a model's folder: its last iteration, its cameras
-  splatbus-server room.ply statue.splat       objects that clients move, turn and scale
+  splatbus-server room.ply statue.splat       two objects that clients can move, turn and scale
   splatbus-server walk --rate 25              a folder of numbered files, 25 a second
   splatbus-server dance.ply --seconds 10      Gaussians that live in time, for 10 seconds
   splatbus-server scene.ply --cameras cameras.json --size 1280x720
-  splatbus-server scan.ply --up z             of what was not trained with y down
-  splatbus-server --ipc-port 0 --msg-port 0   let the system choose; the ready line says which
+  splatbus-server scan.ply --up z             a scan in which z points up
+  splatbus-server --ipc-port 0 --msg-port 0   let the system choose ports; the ready line says which
   splatbus-server --turntable 20              spheres that turn
   splatbus-server --host 0.0.0.0 --token-file ~/.splatbus-token
   python -m splatbus_splats.made 100000 garden.ply  make a scene, if you have none
 
-files (needs pip install 'splatbus-protocol[splats]'):
-  .ply as 3DGS writes it, with Gaussians that live in time too (Spacetime Gaussians, lite), or
-  compressed; .splat, .spz, .sog, .ksplat, glTF. The first is the object "default", which clients
-  of 1.0 can move as well; the others are called as their files. What changes plays by itself until
-  a client sets the time.
-  Images are 640x480 unless --size is given; those of the spheres, 320x240.
+files (need pip install 'splatbus-protocol[splats]'):
+  .ply of 3DGS, also compressed, or with Gaussians that live in time (Spacetime Gaussians, lite);
+  .splat, .spz, .sog, .ksplat, glTF. The first file is the object "default", which clients of 1.0
+  can move too. The others are named after their files. An animated scene plays in a loop until a
+  client sets the time.
   The view begins at the first camera of --cameras, or of a cameras.json beside the first file or
-  in one of the three folders above it; without one, where the middle of the scene is in view.
+  in one of the three folders above it. Without one, the middle of the scene is in view.
 
-drawn by gsplat on a GPU where that is installed (the first time it compiles itself, for a minute),
-or else on the processor, where much need not be done.
-
-skips, what is not done (--skips hidden,tiles; none, exact, usual and all name several):
+drawing:
+  gsplat draws on a GPU where it is installed. The first time, it compiles itself, which takes about
+  a minute. Otherwise the processor draws, and saves work by these shortcuts (--skips hidden,tiles
+  takes two; none, exact, usual and all are sets of them). They leave out:
 {SKIPS}
   What each saves and costs is in benchmarks/SPLATS.md.
 
 environment (an option wins over it):
   SPLATBUS_HOST, SPLATBUS_IPC_PORT, SPLATBUS_MSG_PORT   where to listen
-  SPLATBUS_TOKEN                                        what clients have to say in their hello
+  SPLATBUS_TOKEN                                        the token that clients have to send
 
 what next:
-  Wait for the line that begins with "splatbus-server ready", then look, in another terminal:
-      splatbus-client snapshot out.png            (the extra [client] writes pictures)
-  Stop with Ctrl-C. What is read, and what the picture is: reference_server/SPLATS.md. To serve
-  your own renderer: reference_server/README.md.
+  Wait for the line that begins with "splatbus-server ready". Then look, in another terminal:
+      splatbus-client snapshot out.png            (needs the extra [client])
+  Stop the server with Ctrl-C. What it reads and draws: reference_server/SPLATS.md. To serve your
+  own renderer: reference_server/README.md.
 
 exit codes: 0 stopped by SIGINT or SIGTERM, 1 a file cannot be read, an address is taken or memory
 is full, 2 wrong usage
@@ -101,6 +99,8 @@ def main(argv: list[str] | None = None) -> int:
     """Serves until SIGINT or SIGTERM; returns the exit code."""
     arguments = parser()
     words = joined(sys.argv[1:] if argv is None else argv, "--up")
+    if any(each.startswith("--look-at") for each in words):
+        arguments.error("--look-at is an option of splatbus-client snapshot, not of the server")
     options = arguments.parse_intermixed_args(words)
     if not options.files:
         for name in ("cameras", "rate", "seconds", "skips", "cpu", "up"):
@@ -148,35 +148,47 @@ def parser() -> argparse.ArgumentParser:
     parser.epilog = EPILOG
     parser.set_defaults(size=None)
     parser.add_argument(
-        "files", nargs="*", type=Path, metavar="FILE", help="or a folder of files: see below"
+        "files",
+        nargs="*",
+        type=Path,
+        metavar="FILE",
+        help="file of Gaussians, or a folder: see below; without one, spheres are served",
     )
     parser.add_argument(
-        "--cameras", type=Path, metavar="JSON", help="of 3DGS; the view begins there"
+        "--cameras",
+        type=Path,
+        metavar="JSON",
+        help="cameras.json of 3DGS; the view begins at the first (default: one near the file)",
     )
     parser.add_argument(
         "--up",
         choices=UPWARDS,
         metavar="AXIS",
-        help=f"which is upwards, such as z; without cameras the view begins so ({USUAL_UP}, or as "
-        "the file says); -z where that points down",
+        help=f"the axis that points up: {', '.join(UPWARDS)} (default: what the file says, or "
+        f"{USUAL_UP}); used only without cameras",
     )
-    parser.add_argument("--rate", type=POSITIVE, help=f"files a second, of a folder ({RATE:g})")
+    parser.add_argument(
+        "--rate",
+        type=POSITIVE,
+        help=f"files a second, for a folder of numbered files (default: {RATE:g})",
+    )
     parser.add_argument(
         "--cpu",
         action="store_true",
         default=None,
-        help="draw on the processor, also where gsplat could",
+        help="draw on the processor even where gsplat could draw on a GPU",
     )
     parser.add_argument(
         "--skips",
         type=_skips,
         metavar="NAMES",
-        help="of what need not be done (usual): see below",
+        help="shortcuts that the processor takes (default: usual): see below",
     )
     parser.add_argument(
         "--seconds",
         type=POSITIVE,
-        help=f"length of what lives in time ({SECONDS:.3g}: 50 pictures, 30 a second)",
+        help="length in seconds of a file whose Gaussians live in time (default: "
+        f"{SECONDS:.3g}, which is 50 images at 30 a second)",
     )
     return parser
 
@@ -204,11 +216,21 @@ def _serve(options: argparse.Namespace) -> int:
     if options.skips is None:
         options.skips = USUAL
     rate, seconds = options.rate or RATE, options.seconds or SECONDS
-    origin, up = met(sources[0].files[0])
     progress = None if options.quiet else _progress()
-    objects = loaded(sources, rate, seconds, progress, origin)
+    objects = loaded(sources, rate, seconds, progress)
+    *_, origin, up = objects[DEFAULT_OBJECT]
+    kinds = {type(each.part) for each in objects.values() if each.part.last}
     summary = [_summary(name, each) for name, each in objects.items()]
     doubts = [f"{each.label}: {doubt}" for each in objects.values() for doubt in each.doubts]
+    doubts += [
+        f"--{name} is not used: {why}"
+        for name, why, is_used in (
+            ("up", f"the view begins at a camera of {where}", not taken),
+            ("rate", "no folder of several numbered files is given", Frames in kinds),
+            ("seconds", "no file has Gaussians that live in time", Clip in kinds),
+        )
+        if getattr(options, name) is not None and not is_used
+    ]
     if not any(each.part.most for each in objects.values()):
         raise ValueError(f"there is nothing to show: {', '.join(summary)}")
     scene = scene_of(objects)
@@ -279,6 +301,7 @@ def _served(
     from splatbus_splats.drawing.processor import Processor  # needs the extra
 
     _say(options, f"drawn on the processor ({why_not})")
+    _say(options, "preparing to draw: the first time on a machine this takes up to a minute")
     processor = Processor(os.cpu_count() or 1, options.skips)
     processor.prepare(scene.at(None).values())
     return serve(*size, **given), processor
@@ -345,7 +368,7 @@ def _beginning(
 
 
 def _summary(name: str, object_: Loaded) -> str:
-    label, part, left_out, _ = object_
+    label, part, left_out, *_ = object_
     box = part.bounds
     where = f", from {_point(box.min)} to {_point(box.max)}" if box else ""
     without = "".join(f"; {count:,} left out: {why}" for why, count in left_out.items())

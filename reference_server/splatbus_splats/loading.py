@@ -12,7 +12,7 @@ from splatbus_wire.messages import DEFAULT_OBJECT
 from splatbus_wire.parts import MAX_NAME_CHARS
 
 from splatbus_splats.files.read import read, sequence
-from splatbus_splats.gaussians import NO_ORIGIN, Vector, curve
+from splatbus_splats.gaussians import Vector, curve
 from splatbus_splats.scene import Clip, Frames, Part, Scene
 
 Progress = Callable[[Path, int, int, float], None]
@@ -41,6 +41,10 @@ class Loaded(NamedTuple):
     """How many Gaussians are not in it, by what is wrong with them."""
     doubts: dict[str, None]
     """What may be wrong with all that are in a file of it."""
+    origin: Vector
+    """(3,), from where its positions are counted."""
+    up: str
+    """Which axis its files say is upwards, such as "z"; nothing where none does."""
 
 
 def source(path: Path) -> Source:
@@ -70,16 +74,16 @@ def loaded(
     rate: float,
     seconds: float,
     progress: Progress | None = None,
-    origin: Vector = NO_ORIGIN,
 ) -> dict[str, Loaded]:
     """The objects by their ids, their Gaussians in the order of `gaussians.curve`.
+
+    Positions of all are counted from the origin of the first file.
 
     Args:
         sources: of which each is one.
         rate: files a second, in sequences.
         seconds: length of clips, of Gaussians that live in time.
         progress: is told how far it is.
-        origin: from where positions are counted.
 
     Raises:
         ValueError: a file is none of Gaussians, or one that cannot be part of a sequence.
@@ -87,8 +91,10 @@ def loaded(
     """
     whole = sum(len(each.files) for each in sources)
     objects, number = {}, 0
+    origin: Vector | None = None
     for name, (label, _, files) in zip(ids([each.stem for each in sources]), sources):
         frames, left_out, doubts = [], Counter[str](), dict[str, None]()
+        up = ""
         for path in files:
             number += 1
 
@@ -96,7 +102,8 @@ def loaded(
                 if progress is not None:
                     progress(path, number, whole, (number - 1 + done / count) / whole)
 
-            gaussians, without, motion, doubtful = read(path, tell, origin)
+            gaussians, without, motion, doubtful, origin, said = read(path, tell, origin)
+            up = up or said
             doubts.update(dict.fromkeys(doubtful))
             order = curve(gaussians.means)
             gaussians = gaussians[order]
@@ -104,16 +111,16 @@ def loaded(
             if motion is None:
                 frames.append(gaussians)
             elif len(files) == 1:
-                objects[name] = Loaded(
-                    label, Clip(gaussians, motion[order], seconds), left_out, doubts
-                )
+                clip = Clip(gaussians, motion[order], seconds)
+                objects[name] = Loaded(label, clip, left_out, doubts, origin, up)
             else:
                 raise ValueError(
                     f"{path}: Gaussians that live in time cannot be one file of a sequence:"
                     " serve the file by itself"
                 )
-        if frames:
-            objects[name] = Loaded(label, Frames(tuple(frames), rate), left_out, doubts)
+        if frames and origin is not None:
+            part = Frames(tuple(frames), rate)
+            objects[name] = Loaded(label, part, left_out, doubts, origin, up)
     return objects
 
 

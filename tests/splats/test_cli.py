@@ -21,7 +21,7 @@ from splatbus_server.view import Intrinsics, field_of_view
 from splatbus_splats import cli
 from splatbus_splats.beginning import reaching
 from splatbus_splats.cli import main, parser
-from splatbus_splats.files import container, ply
+from splatbus_splats.files import container, packed, ply
 from splatbus_splats.loading import loaded, scene_of, source
 from splatbus_wire.poses import IDENTITY, Pose
 
@@ -74,7 +74,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_clients_see_what_the_renderer_draws_of_what_was_read(files: list[Path]) -> None:
     scene = scene_of(loaded([source(each) for each in files], 20.0, 8.0))
     lens = Intrinsics(50.0, 45.0, 32.0, 24.0, 0.01, field_of_view(*SIZE).far)
-    options = ("--size", "64x48", "--skips", "exact", "--rate", "20", "--seconds", "8")
+    options = ("--up", "z", "--size", "64x48", "--skips", "exact", "--rate", "20", "--seconds", "8")
     with (
         serving(*files, *options) as server,
         splatbus_client.connect("127.0.0.1", *server.ports) as session,
@@ -121,12 +121,15 @@ def test_clients_see_what_the_renderer_draws_of_what_was_read(files: list[Path])
         "file 1 of 6: 10% read", "file 2 of 6: 30% read", "file 3 of 6: 50% read",
         "file 4 of 6: 60% read", "file 5 of 6: 80% read", "file 6 of 6: 100% read",
     ]  # fmt: skip
+    assert " --rate is not" not in log
     for part in (
         "default (room): 1,500 Gaussians of degree 2, from (", "; 1 left out: quaternion zero\n",
         "dance (dance.ply): 8 s, with 300 Gaussians", "stopped: Statistics(",
         "walk (walk): 3 files in 0.15 s, with up to 400 Gaussians",
         "the view begins at (0.5, -0.25, 1), where a was taken: the first of 2 cameras of "
         f"{files[0] / 'cameras.json'}\n",
+        "splatbus-server: --up is not used: the view begins at a camera of",
+        "\npreparing to draw: the first time",
     ):  # fmt: skip
         assert part in log
     assert "Traceback" not in log
@@ -135,11 +138,14 @@ def test_clients_see_what_the_renderer_draws_of_what_was_read(files: list[Path])
 def test_cameras_nearby_that_are_others_are_said_and_left(tmp_path: Path) -> None:
     ply.write(tmp_path / "a.ply", cloud(50, 0))
     (tmp_path / "cameras.json").write_text("{}")
-    with serving(tmp_path / "a.ply") as server:
+    with serving(tmp_path / "a.ply", "--rate", "5", "--seconds", "2") as server:
         assert server.size == (640, 480)
         server.process.send_signal(signal.SIGINT)
         _, log = server.process.communicate(timeout=SECONDS)
     assert server.process.returncode == 0
+    for name in ("rate", "seconds"):
+        assert f"splatbus-server: --{name} is not used: no f" in log
+    assert "--up is" not in log
     assert f"the one near the file is not used ({tmp_path / 'cameras.json'}: no list" in log
     assert re.search(r"view begins at \(.*\), with -y upwards and the middle of the", log)
 
@@ -209,6 +215,15 @@ def test_what_cannot_be_shown_is_said(
     assert re.fullmatch(f"splatbus-server: .*{re.escape(message)}\n", capsys.readouterr().err)
 
 
+def test_a_packed_file_is_unpacked_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "a.spz").write_bytes(b"Gaussians")
+    unpack = Mock(side_effect=lambda _, __, plain: ply.write(plain, cloud(9)))
+    monkeypatch.setattr(packed, "unpack", unpack)
+    monkeypatch.setattr(cli, "scene_of", Mock(side_effect=ValueError("all is read")))
+    assert main([str(tmp_path / "a.spz"), *FREE]) == 1
+    unpack.assert_called_once()
+
+
 NONE_GIVEN = "is for files of Gaussians, and none is given"
 
 
@@ -220,6 +235,7 @@ NONE_GIVEN = "is for files of Gaussians, and none is given"
         (["a.ply", "--turntable", "20"], "--turntable is for the spheres"),
         (["a.ply", "--rate", "0"], "'0': give a number above 0, such as 2.5"),
         (["a.ply", "--skips", "dim"], "argument --skips: 'dim': give names of none, exact, usual"),
+        (["a.ply", "--look-at", "0,0,0,0,0,1"], "is an option of splatbus-client snapshot"),
         (["--rate", "25"], f"--rate {NONE_GIVEN}"),
         (["--seconds", "2"], f"--seconds {NONE_GIVEN}"),
         (["--cameras", "c.json"], f"--cameras {NONE_GIVEN}"),

@@ -22,7 +22,6 @@ from splatbus_splats.files.read import (
     BRIGHTEST,
     INVISIBLE,
     STEP,
-    met,
     read,
     sequence,
 )
@@ -325,8 +324,8 @@ REST = " properties f_rest_*, where there are 0, 9, 24, 45"
         ("a.splat", b"", "the file is empty"),
         ("a.ply", b"Dear diary", "no PLY file: its first line"),
         ("a.txt", b"Dear diary", "ends in none of .ply .splat .spz .sog .ksplat .glb .gltf"),
-        ("a.ksplat", bytes(64), "no ksplat that can be read: "),
-        ("a.SPZ", bytes(64), "no spz that can be read: it is cut short"),
+        ("a.ksplat", bytes(64), "this .ksplat file cannot be read: "),
+        ("a.SPZ", bytes(64), "this .spz file cannot be read: it is cut short"),
         ("a.spz", b"<html>", "it is a page of the web"),
         ("a.splat", bytes(70), "the Gaussian at byte 64 is cut short"),
         ("a.splat", b"ply\n" + bytes(60), "it is a .ply"),
@@ -339,7 +338,7 @@ REST = " properties f_rest_*, where there are 0, 9, 24, 45"
         ("a.ply", b"glTF" + bytes(60), "it is a glTF: name it .glb"),
         ("a.ply", POINTS, "no property f_dc_0, "),
         ("a.ply", POINTS, "it is a mesh or a cloud of points"),
-        ("a.ply", np.zeros(3, [("packed_position", "u4")]), "no compressed.ply that can be "),
+        ("a.ply", np.zeros(3, [("packed_position", "u4")]), "this compressed .ply file cannot be "),
         ("a.ply", without("scale_2"), "flat ones (2DGS), which are not drawn"),
         ("a.ply", without("opacity"), "it is no plain file of 3DGS"),
         ("a.ply", without("f_dc_0"), "it is a mesh or a cloud of points"),
@@ -412,13 +411,14 @@ def test_coordinates_of_maps_are_counted_from_the_middle_before_they_are_rounded
         table["x"], table["y"], table["z"] = places.T
         table["rot_0"] = 1
         saved(path, table)
-    assert met(path).origin.tolist() == [5e5, 0, 4e6]
-    found = read(path, None, met(path).origin).gaussians.means
-    assert (found == np.stack([steps, 0 * steps, -steps], axis=1)).all()
+    found = read(path, origin=None)
+    assert found.origin.tolist() == [5e5, 0, 4e6]
+    assert (found.gaussians.means == np.stack([steps, 0 * steps, -steps], axis=1)).all()
 
 
 def test_coordinates_that_are_near_are_counted_from_0(tmp_path: Path) -> None:
-    assert not met(saved(tmp_path / "a.ply", vertices(5, x=9999))).origin.any()
+    path = saved(tmp_path / "a.ply", vertices(5, x=9999))
+    assert not read(path, origin=None).origin.any()
 
 
 @pytest.mark.parametrize(("comment", "up"), [("Vertical Axis: z", "z"), ("made by hand", "")])
@@ -427,7 +427,7 @@ def test_a_comment_says_what_is_upwards(tmp_path: Path, comment: str, up: str) -
     path.write_bytes(
         path.read_bytes().replace(b"element", f"comment {comment}\nelement".encode(), 1)
     )
-    assert met(path).up == up
+    assert read(path).up == up
 
 
 def test_no_vertices_are_an_empty_scene(tmp_path: Path) -> None:

@@ -76,7 +76,7 @@ def test_what_a_file_lacks_does_not_move(tmp_path: Path, powers: int, turns: boo
     results = []
     for names in (ALL, [name for name in ALL if name not in gone]):
         container.write(tmp_path / "a.ply", table[[*names]])
-        gaussians, _, motion, _ = read(tmp_path / "a.ply")
+        gaussians, _, motion, *_ = read(tmp_path / "a.ply")
         assert motion is not None
         results.append(Clip(gaussians, motion, 1.0).at(0.8))
     np.testing.assert_array_equal(results[0].means, results[1].means)
@@ -91,7 +91,7 @@ def test_what_does_not_live_in_time_as_it_should_is_left_out(tmp_path: Path) -> 
     table["omega_3"][3] = math.nan
     table["trbf_scale"][4] = math.inf
     container.write(tmp_path / "a.ply", table)
-    gaussians, left_out, motion, _ = read(tmp_path / "a.ply")
+    gaussians, left_out, motion, *_ = read(tmp_path / "a.ply")
     assert left_out == {"time not a number": 2, "motion not finite": 1, "turning not finite": 1}
     np.testing.assert_array_equal(gaussians.means[:, 0], table["x"][4:])
     assert motion is not None

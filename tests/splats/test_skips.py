@@ -235,5 +235,7 @@ def test_skips_have_names() -> None:
     assert named("hidden,Tiles") == Skip.HIDDEN | Skip.TILES
     assert [named(each) for each in ("none", "usual", "all")] == [NOTHING, USUAL, ~NOTHING]
     assert set(MEANINGS) == {str(each.name).lower() for each in Skip}
-    with pytest.raises(ValueError, match=r"'dim': give names of none, exact, usual, all, outside, h"):
+    with pytest.raises(
+        ValueError, match=r"'dim': give names of none, exact, usual, all, outside, h"
+    ):
         named("hidden,dim")

@@ -21,10 +21,10 @@ class Skip(Flag):
 
 MEANINGS = {
     "outside": "Gaussians beside the image, and whole runs of them",
-    "hidden": "what is behind pixels that are opaque, and whole runs of it",
-    "tiles": "tiles in which nothing changed: objects move before a camera that rests",
+    "hidden": "Gaussians behind pixels that are already opaque, and whole runs of them",
+    "tiles": "tiles in which nothing changed, as where one object moves and the camera rests",
     "moving": "three pixels of four while the camera moves",
-    "small": "those whose share of a pixel's area, times their opacity, is below 1/255",
+    "small": "Gaussians whose share of a pixel's area, times their opacity, is below 1/255",
 }
 NOTHING = Skip(0)
 EXACT = Skip.OUTSIDE | Skip.HIDDEN | Skip.TILES

@@ -1,4 +1,4 @@
-"""Files that are no plain .ply: made one by libraries that read them, in another process.
+"""Packed files and glTF: a library makes a plain .ply of them, in another process.
 
 A broken file may end that process, which has limits of memory and time, and not the server.
 """
@@ -16,7 +16,8 @@ from splatbus_splats.files import gltf, ply
 
 GLTF = "glTF"
 FORMATS = {".spz": "spz", ".sog": "sog", ".ksplat": "ksplat", ".glb": GLTF, ".gltf": GLTF}
-"""What gaussforge calls them; glTF is read by pygltflib."""
+"""What a file is, by how its name ends: as gaussforge calls what it reads, or GLTF, which is read
+by pygltflib."""
 COMPRESSED = "compressed.ply"
 BEGINS = (b"\x1f\x8b", b"PK", b"glTF")
 """How some begin, as others do that are none: .spz as gzip, .sog as zip."""
@@ -26,7 +27,7 @@ MOST_BYTES = 8 << 30
 
 
 def format_of(path: Path, first: bytes) -> str:
-    """The format of a file; empty for those that are read without a library.
+    """The format of a packed file, or glTF; empty for what is read without a library.
 
     Args:
         path: whose name tells it.
@@ -42,7 +43,7 @@ def unpack(path: Path, kind: str, plain: Path) -> None:
 
     Args:
         path: of the file.
-        kind: its format.
+        kind: its format, as `format_of` says.
         plain: the file to write.
 
     Raises:
@@ -50,8 +51,9 @@ def unpack(path: Path, kind: str, plain: Path) -> None:
         ImportError: what reads it is not installed.
     """
     library = "pygltflib" if kind == GLTF else "gaussforge"
+    called = {GLTF: GLTF, COMPRESSED: "compressed .ply"}.get(kind, f".{kind}")
     if find_spec(library) is None:
-        raise ImportError(f"{path}: {kind} is read by {library}, which is not installed")
+        raise ImportError(f"{path}: {called} is read by {library}, which is not installed")
     line = (sys.executable, "-m", __name__, str(path), kind, str(plain))
     try:
         done = subprocess.run(line, capture_output=True, errors="replace", timeout=MOST_SECONDS)
@@ -60,7 +62,7 @@ def unpack(path: Path, kind: str, plain: Path) -> None:
     if done.returncode:
         why = done.stderr.strip().rpartition("\n")[2]
         why = why or f"it is broken: what reads it ended with {done.returncode}"
-        raise ValueError(f"{path}: no {kind} that can be read: {why}")
+        raise ValueError(f"{path}: this {called} file cannot be read: {why}")
 
 
 def main(words: list[str]) -> int:

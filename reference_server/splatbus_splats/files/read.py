@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 from io import BufferedReader
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,38 +48,14 @@ class Found(NamedTuple):
     """How they change, where they live in time: `gaussians` has each at its own moment then."""
     doubts: tuple[str, ...] = ()
     """What may be wrong with all of them, for people."""
-
-
-class Met(NamedTuple):
-    """The axes of a file, before it is read."""
-
-    origin: Vector
-    """(3,), from where positions are counted, so that they lose nothing as float32: nowhere but 0,
-    unless they are far from it, as coordinates of maps are; whole units then.
-    """
-    up: str
+    origin: Vector = NO_ORIGIN
+    """(3,), from where positions are counted."""
+    up: str = ""
     """Which axis its header says is upwards, such as "z"; nothing where it does not."""
 
 
-def met(path: Path) -> Met:
-    """What a file says of its axes, by its header and its first rows. Raises as `read`."""
-    up = ""
-    with _opened(path) as (file, size):
-        if path.suffix.lower() == ".splat":
-            count = min(splat.count(file, path, size), STEP)
-            parts = splat.parts(file, path, count, STEP, NO_ORIGIN)
-            points = next((each.means for each, _ in parts), np.empty((0, 3)))
-        else:
-            vertices = ply.vertices(file, path)
-            rows, up = ply.first_rows(file, vertices, STEP), vertices.header.up
-            points = np.stack([rows[name] for name in ply.PLACE], axis=1)
-    sound = points[np.isfinite(points).all(axis=1)].astype(np.float64)
-    middle = np.round(np.median(sound, axis=0)) if len(sound) else NO_ORIGIN
-    return Met(middle if np.abs(middle).max() >= FAR else NO_ORIGIN, up)
-
-
-def read(path: Path, progress: Progress | None = None, origin: Vector = NO_ORIGIN) -> Found:
-    """The Gaussians in a file of 3DGS (`.ply`), a `.splat` or one that is packed, as its name says.
+def read(path: Path, progress: Progress | None = None, origin: Vector | None = NO_ORIGIN) -> Found:
+    """The Gaussians in a `.ply` of 3DGS, a `.splat`, a packed file or glTF, as its name says.
 
     Those are left out of which a number is not finite once it is decoded, which a zero scale or an
     opacity of 1 is, a standard deviation negative, or the quaternion zero. Memory for one copy of
@@ -88,29 +64,38 @@ def read(path: Path, progress: Progress | None = None, origin: Vector = NO_ORIGI
     Args:
         path: of the file.
         progress: is told now and then how many Gaussians of how many were read.
-        origin: (3,), from where positions are counted: they are subtracted in float64.
+        origin: (3,), from where positions are counted: it is subtracted in float64. None: from
+            0, or from whole units in the middle of the file's first Gaussians where that is far
+            from 0, as coordinates of maps are, so that float32 loses nothing.
 
     Raises:
         ValueError: it is no such file; the message names it, and what is wrong where.
         OSError: it cannot be read.
-        ImportError: it is packed, and gaussforge is not installed.
+        ImportError: what reads packed files, or glTF, is not installed.
     """
-    doubts = []
+    doubts, up = [], ""
     with _opened(path) as (file, size):
         if path.suffix.lower() == ".splat":
             count = splat.count(file, path, size)
+            if origin is None:
+                some = splat.parts(file, path, min(count, STEP), STEP, NO_ORIGIN)
+                origin = _origin(next((each.means for each, _ in some), np.empty((0, 3))))
+                file.seek(0)
             parts = splat.parts(file, path, count, STEP, origin)
             found = _gathered(parts, count, 1, False, progress)
         else:
             vertices = ply.vertices(file, path)
-            if ply.is_activated(ply.first_rows(file, vertices, STEP)):
+            rows, up = ply.first_rows(file, vertices, STEP), vertices.header.up
+            if ply.is_activated(rows):
                 doubts.append(ACTIVATED)
+            if origin is None:
+                origin = _origin(np.stack([rows[name] for name in ply.PLACE], axis=1))
             count, is_in_time = vertices.element.rows, vertices.time is not None
             of_file = ply.parts(file, vertices, STEP, origin)
             found = _gathered(of_file, count, vertices.coefficients, is_in_time, progress)
     if len(found.gaussians) and found.gaussians.opacities.max() < LEAST_SEEN:
         doubts.append(INVISIBLE)
-    return found._replace(doubts=tuple(doubts))
+    return found._replace(doubts=tuple(doubts), origin=origin, up=up)
 
 
 def sequence(folder: Path) -> list[Path]:
@@ -163,6 +148,13 @@ def _opened(path: Path) -> Iterator[tuple[BufferedReader, int]]:
         packed.unpack(path, kind, plain)
         with plain.open("rb") as file:
             yield file, plain.stat().st_size
+
+
+def _origin(points: NDArray[Any]) -> Vector:
+    """From where positions such as these, (N, 3), are best counted."""
+    sound = points[np.isfinite(points).all(axis=1)].astype(np.float64)
+    middle = np.round(np.median(sound, axis=0)) if len(sound) else NO_ORIGIN
+    return middle if np.abs(middle).max() >= FAR else NO_ORIGIN
 
 
 def _gathered(
