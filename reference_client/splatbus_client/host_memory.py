@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 from numpy.typing import NDArray
 from splatbus_wire.errors import ProtocolError
@@ -11,9 +13,9 @@ from splatbus_wire.semantics import Semantics
 from splatbus_client.mapping import MemoryLostError, extent, map_memory, read
 
 Image = NDArray[np.float32]
-APART = (
-    "client and server have to be on one machine; in containers, with --ipc=host or one /dev/shm"
-)
+APART = "client and server have to be on one machine"
+if sys.platform == "linux":
+    APART += "; in containers, with --ipc=host or one /dev/shm"
 
 
 class CannotOpenError(Exception):

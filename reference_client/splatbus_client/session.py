@@ -277,7 +277,7 @@ class Session:
                 self._require_open()
                 if not self._reading.may_hold:
                     why = why_no_frame(self.status, self._where, announced=self._reading.open)
-                    raise TimeoutError(f"no frame came in time: {why}")
+                    raise TimeoutError(f"no frame came within {max(0.0, timeout):.1f} s: {why}")
                 with self._loop.sending(self._ipc):
                     loan = self._reading.hold()
             if loan.frame.camera is not None:
@@ -303,7 +303,7 @@ class Session:
             if (capability := self._steering.lacks(everything)) is not None:
                 raise NotOfferedError(capability)
             why = why_no_reply(self.status, self._where)
-            raise TimeoutError(f"no telemetry came in time: {why}")
+            raise TimeoutError(f"no telemetry came within {timeout:.1f} s: {why}")
 
     # How it fares
 
@@ -372,14 +372,15 @@ class Session:
         )
 
     def _answer(self, answer: Future[Any], end: float, name: str) -> Any:
+        wait = max(0.0, end - clock())
         try:
-            return answer.result(max(0.0, end - clock()))
+            return answer.result(wait)
         except CancelledError:
             raise RuntimeError("the session is closed") from None
         except NotInTime:
             answer.cancel()
             why = why_no_reply(self.status, self._where)
-            raise TimeoutError(f"no {name} came in time: {why}") from None
+            raise TimeoutError(f"no {name} came within {wait:.1f} s: {why}") from None
 
 
 def _size(reply: ViewportSize) -> tuple[int, int]:

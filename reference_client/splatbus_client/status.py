@@ -34,7 +34,7 @@ def why_no_frame(status: Status, where: Settings, *, announced: bool) -> str:
     if status.no_images is not None:
         return f"the images cannot be opened: {status.no_images}"
     if not announced:
-        return "the server has announced no images yet"
+        return "the server has announced no images yet: it may still be starting"
     return "the server has published no other image"
 
 

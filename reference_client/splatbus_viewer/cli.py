@@ -7,10 +7,12 @@ import io
 import logging
 import math
 import os
+import re
 import signal
 import sys
 import threading
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 from splatbus_client.message_protocol import NotOfferedError
@@ -20,6 +22,7 @@ from splatbus_schemas import FRAMING
 from splatbus_schemas.options import PORT, POSITIVE, SIZE, WHOLE, joined, option
 from splatbus_schemas.version import ShowVersion
 from splatbus_schemas.visible import worded
+from splatbus_wire.poses import Pose
 from splatbus_wire.settings import Settings, read_token, settings
 
 from splatbus_viewer import telemetry
@@ -32,32 +35,37 @@ _CHANNELS = FRAMING["channels"]
 
 _EPILOG = """\
 environment:
-  SPLATBUS_HOST       host of the server (127.0.0.1)
-  SPLATBUS_IPC_PORT   port of its IPC channel (6001)
-  SPLATBUS_MSG_PORT   port of its message channel (6000)
-  SPLATBUS_TOKEN      token, where the server requires one; never an argument, because other
-                      users of the machine can read the arguments of every process
+  SPLATBUS_HOST       host of the server (default: 127.0.0.1)
+  SPLATBUS_IPC_PORT   port of its IPC channel (default: 6001)
+  SPLATBUS_MSG_PORT   port of its message channel (default: 6000)
+  SPLATBUS_TOKEN      token, if the server requires one. There is no option for it, because other
+                      users of the machine can read the options of every process
 
 examples:
   splatbus-server                                   start a server, in another terminal
   splatbus-client view                              watch it until Ctrl-C
-  splatbus-client view --rate 60 --seconds 10       steer at 60 Hz, for ten seconds
-  splatbus-client window                            look at it through a window, and steer it
-  splatbus-client snapshot out.png                  one picture of what it shows now
-  splatbus-client snapshot out.png --camera-index 2 the same from the scene's third camera
+  splatbus-client view --rate 60 --seconds 10       send 60 camera poses a second, for 10 seconds
+  splatbus-client window                            look through a window, and steer by hand
+  splatbus-client snapshot out.png                  write one picture of what it shows now
+  splatbus-client snapshot out.png --camera-index 2 write one from the scene's third camera
   splatbus-client snapshot out.png --look-at "0,-1,-2, 0,0,4"
-  splatbus-client info                              what the server can do, its scene, its clock
-  splatbus-client telemetry render_ms               one of its figures, live
+  splatbus-client info                              tell what the server can do, and its scene
+  splatbus-client telemetry render_ms               print one of its figures, live
 
-exit status: 0 done, 1 it could not be done (standard error says why), 2 wrong usage
+exit status: 0 done, 1 failed (standard error says why), 2 wrong usage
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    options = _parser().parse_args(
+    options, unknown = _parser().parse_known_args(
         joined(sys.argv[1:] if arguments is None else arguments, "--pose", "--look-at")
     )
+    if unknown:
+        names = re.findall("--[a-z-]+", options.command.format_usage())
+        near = get_close_matches(unknown[0].partition("=")[0], names, 1)
+        hint = f": did you mean {near[0]}?" if near else ""
+        options.command.error(f"unrecognized arguments: {' '.join(unknown)}{hint}")
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # not every terminal has every bar and name
     logging.basicConfig(
@@ -136,23 +144,36 @@ def _snapshot(where: Settings, options: argparse.Namespace) -> int:
     with Session(where) as session:
         pose = options.pose
         if options.camera_index is not None:
-            pose = session.camera_pose(options.camera_index, options.timeout)
+            pose = scene_camera(session, options.camera_index, options.timeout)
         snapshot(session, options.path, pose, options.timeout)
     print(options.path)
     return 0
 
 
+def scene_camera(session: Session, index: int, timeout: float) -> Pose:
+    """The pose of a camera of the scene; says which it is where there is none of that index."""
+    pose = session.camera_pose(index, timeout)
+    if "scene" in session.status.message.capabilities:
+        count = session.scene(timeout).cameras
+        if count and index % count != index:
+            told = f"camera {index} is camera {index % count} of {count}, counted from 0"
+            print(told, file=sys.stderr)
+    return pose
+
+
 def _parser() -> argparse.ArgumentParser:
     where = argparse.ArgumentParser(add_help=False)
     server = where.add_argument_group("server")
-    server.add_argument("--host", metavar="NAME", help="host of the server")
-    server.add_argument("--ipc-port", type=PORT, metavar="N", help="port of its IPC channel")
-    server.add_argument("--msg-port", type=PORT, metavar="N", help="port of its message channel")
+    server.add_argument("--host", metavar="NAME", help="host of the server (default: 127.0.0.1)")
+    server.add_argument("--ipc-port", type=PORT, metavar="N", help="port of its IPC channel (6001)")
+    server.add_argument(
+        "--msg-port", type=PORT, metavar="N", help="port of its message channel (6000)"
+    )
     server.add_argument(
         "--token-file",
         type=Path,
         metavar="PATH",
-        help="file that holds the token and that only you can read (chmod 600)",
+        help="file that holds the token; nobody but you may be able to read it (chmod 600)",
     )
     where.add_argument("-v", "--verbose", action="store_true", help="say more on standard error")
 
@@ -170,24 +191,23 @@ def _parser() -> argparse.ArgumentParser:
         "view",
         parents=[where],
         help="watch and steer without a window, until interrupted",
-        description="Watches without a window: sends camera poses along a small orbit, reads"
-        " every frame, and prints how many, how fast, and how long after its pose each came:"
-        " the median and the 99th percentile. A server of 1.1 says"
-        " which image is the first to show which pose. Connects again whenever the server goes"
-        " and comes back.",
+        description="Watches without a window. Sends camera poses along a small orbit, and reads"
+        " every frame. Prints how many frames came, how fast, and how long after its pose each"
+        " came (median and 99th percentile; a server of 1.1 says which image is the first to show"
+        " which pose). Connects again whenever the server goes and comes back.",
     )
     watch.add_argument(
         "--rate",
         type=POSITIVE,
         default=30.0,
         metavar="HZ",
-        help="camera poses to send per second (%(default)g)",
+        help="camera poses to send per second (default: %(default)g)",
     )
     watch.add_argument(
         "--size",
         type=SIZE,
         metavar="WxH",
-        help="ask for images of this size, in pixels (default: as they are)",
+        help="size of the images to ask the server for, in pixels (default: as they are)",
     )
     _add_seconds(watch)
     watch.set_defaults(run=_view)
@@ -198,11 +218,13 @@ def _parser() -> argparse.ArgumentParser:
         "snapshot",
         parents=[where],
         help="write one picture: colour, depth, and a composite with a mesh",
-        description="Writes one picture with three panels: colour, over squares where nothing is;"
-        " depth in false colour; and the image composed with a ring that is partly before and"
-        " partly behind it. Without a pose, shows what the server shows now.",
+        description="Writes one picture with three panels: colour, with squares where nothing is;"
+        " depth in false colour; and the image together with a ring that is partly in front of it"
+        " and partly behind it. Without a pose, the picture shows what the server shows now.",
     )
-    shoot.add_argument("path", type=Path, metavar="FILE.png", help="where to write it")
+    shoot.add_argument(
+        "path", type=Path, metavar="FILE.png", help="file to write; the ending says its format"
+    )
     pose = shoot.add_mutually_exclusive_group()
     pose.add_argument(
         "--pose",
@@ -210,7 +232,8 @@ def _parser() -> argparse.ArgumentParser:
             parse_pose, "numbers, a place and a quaternion, such as 0,-1,-3,0,0,0,1", "seven"
         ),
         metavar="X,Y,Z,QX,QY,QZ,QW",
-        help="camera-to-world, x right, y down, z forward, scalar last",
+        help="from this camera: place and rotation, camera-to-world; x right, y down, z forward;"
+        " QW is the scalar",
     )
     pose.add_argument(
         "--look-at",
@@ -221,10 +244,14 @@ def _parser() -> argparse.ArgumentParser:
         ),
         dest="pose",
         metavar="EX,EY,EZ,TX,TY,TZ",
-        help="an upright camera at E that looks at T",
+        help="from an upright camera at E that looks at T",
     )
     pose.add_argument(
-        "--camera-index", type=WHOLE, metavar="N", help="one of the cameras that the scene has"
+        "--camera-index",
+        type=WHOLE,
+        metavar="N",
+        help="from the scene's camera N, counted from 0; -1 is the last, and after the last it"
+        " begins again",
     )
     _add_timeout(shoot)
     shoot.set_defaults(run=_snapshot)
@@ -233,11 +260,10 @@ def _parser() -> argparse.ArgumentParser:
         "telemetry",
         parents=[where],
         help="print the server's figures live, until interrupted",
-        description="Subscribes to what the server tells of itself, and prints it as it comes: a\n"
-        "line for each series, which begins with the server's time. Numbers have their unit,\n"
-        "histograms a bar for each bin, from the first edge to the last. A server that\n"
-        "computes figures only where somebody asks for them does so while this runs. The\n"
-        "window plots them.",
+        description="Prints the server's figures as they come: a line for each series, which\n"
+        "begins with the server's time. Numbers have their unit. Histograms have a bar for\n"
+        "each bin, from the first edge to the last. A server that computes figures only while\n"
+        "somebody asks for them does so while this runs. The window plots them.",
         epilog="examples:\n"
         "  splatbus-client telemetry                         everything\n"
         "  splatbus-client telemetry render_ms loss          these two series\n"
@@ -258,11 +284,14 @@ def _parser() -> argparse.ArgumentParser:
         "info",
         parents=[where],
         help="tell what the server can do, its scene and its clock",
-        description="Asks a server what it speaks and can do, what its scene consists of, how its"
-        " images are meant and how old the newest is, and compares its clock with ours.",
+        description="Asks a server which version it speaks, what it can do, what its scene"
+        " consists of, what the numbers in its images mean and how old the newest image is, and"
+        " compares its clock with ours.",
     )
     _add_timeout(about)
     about.set_defaults(run=_info)
+    for command in commands.choices.values():
+        command.set_defaults(command=command)
     return parser
 
 
@@ -272,7 +301,7 @@ def _add_seconds(command: argparse.ArgumentParser) -> None:
         type=POSITIVE,
         default=math.inf,
         metavar="N",
-        help="stop after so long (default: run until SIGINT or SIGTERM)",
+        help="stop after N seconds (default: run until SIGINT or SIGTERM)",
     )
 
 
@@ -282,7 +311,7 @@ def _add_timeout(command: argparse.ArgumentParser) -> None:
         type=POSITIVE,
         default=10.0,
         metavar="SECONDS",
-        help="give up after so long (%(default)g)",
+        help="give up after this time (default: %(default)g)",
     )
 
 

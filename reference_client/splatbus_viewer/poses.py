@@ -1,5 +1,6 @@
 """Camera poses as a person writes them."""
 
+import argparse
 import math
 import operator
 
@@ -13,9 +14,17 @@ def parse_pose(text: str) -> Pose:
 
 
 def parse_look_at(text: str) -> Pose:
-    """Return the pose of `look_at` spelled as `ex,ey,ez,tx,ty,tz`; ValueError if it is none."""
+    """Return the pose of `look_at` spelled as `ex,ey,ez,tx,ty,tz`.
+
+    Raises:
+        ValueError: these are not six numbers.
+        ArgumentTypeError: both points are the same.
+    """
     ex, ey, ez, tx, ty, tz = _numbers(text, 6)
-    return look_at((ex, ey, ez), (tx, ty, tz))
+    try:
+        return look_at((ex, ey, ez), (tx, ty, tz))
+    except ValueError as same:
+        raise argparse.ArgumentTypeError(f"{text!r}: {same}; give two points") from None
 
 
 def look_at(eye: Vector, target: Vector) -> Pose:
@@ -29,7 +38,7 @@ def look_at(eye: Vector, target: Vector) -> Pose:
     """
     dx, dy, dz = (t - e for t, e in zip(target, eye))
     if not math.hypot(dx, dy, dz) > 0:
-        raise ValueError("the eye and its target are the same point")
+        raise ValueError("the eye and the point to look at are the same")
     half_turn = math.atan2(dx, dz) / 2
     half_tilt = math.atan2(-dy, math.hypot(dx, dz)) / 2
     sin_turn, cos_turn = math.sin(half_turn), math.cos(half_turn)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
+from PIL import Image
 from splatbus_client.loop import clock
 from splatbus_client.mapping import MemoryLostError
 from splatbus_client.session import Session
@@ -21,8 +22,10 @@ def snapshot(session: Session, path: Path, pose: Pose | None, timeout: float) ->
     Raises:
         TimeoutError: no such frame came within `timeout` seconds; the message says why.
         OSError: the file cannot be written.
-        ValueError: the file's name ends in nothing that says its format.
+        ValueError: the file's name does not end as that of a picture; this is looked at first.
     """
+    if Image.registered_extensions().get(path.suffix.lower()) not in Image.SAVE:
+        raise ValueError(f"{path}: the name of a picture has to end in .png, .jpg, .webp or .tiff")
     image = _frame_from(session, pose, clock() + timeout)
     (x, y, z), (i, j, k, w) = image.camera.pose
     caption = f"camera at {x:.4g}, {y:.4g}, {z:.4g}; rotation {i:.4g}, {j:.4g}, {k:.4g}, {w:.4g}"

@@ -140,7 +140,6 @@ def test_what_it_cannot_serve_it_explains(tmp_path: Path) -> None:
             (("--token-file", str(tmp_path / "none")), 2, f"cannot read {tmp_path / 'none'}"),
             (("--size", "huge"), 2, "'huge': give a size such as"),
             (("--size", "0x3"), 2, "1 to 32768 pixels"),
-            (("--fps", "0"), 2, "give a number above 0, such as"),
             (("--turntable", "nan"), 2, "from -1000000 to 1000000, such as 20"),
             (("--ipc-port", "-1"), 2, "give a port from 0 to 65535, such as 6001"),
             (("--host", "nowhere.invalid"), 1, "cannot resolve nowhere.invalid"),

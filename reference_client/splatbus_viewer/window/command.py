@@ -15,15 +15,15 @@ from splatbus_viewer.window.cameras import KINDS
 
 _EPILOG = """\
 in the window:
-  drag turns, the wheel goes nearer, W A S D E Q go; 1 to 4 change what is shown; Tab hides the
-  panels, P takes a picture. The camera is the server's until you move it.
+  Drag to turn, use the wheel to go nearer, W A S D E Q to go. 1 to 4 change what is shown, Tab
+  hides the panels, P takes a picture. The camera is the server's until you move it.
 
 examples:
   splatbus-server                             start a server, in another terminal
   splatbus-client window                      look at it
   splatbus-client window --mode depth --size 1920x1080
   splatbus-client window --bare --screenshot out.png
-                                              one picture of the window, and no more
+                                              write one picture of the window, and end
 
 It needs a display, and the extra: pip install 'splatbus-protocol[window]'
 """
@@ -35,10 +35,10 @@ def add(commands: Any, where: argparse.ArgumentParser) -> None:
         "window",
         parents=[where],
         help="look through a window, and steer by hand",
-        description="Shows a server's images in a window, and steers by hand: colour, depth,\n"
-        "normals, or a grid and a ring among the splats; objects by handles, time by a\n"
-        "slider; with plots of the server's figures and of what comes, and a log of all\n"
-        "packets. Connects again whenever the server goes and comes back.",
+        description="Shows a server's images in a window: colour, depth, normals, or a grid and a\n"
+        "ring among the splats. You steer the camera by hand, objects by handles, and time\n"
+        "by a slider. Panels plot the server's figures and what comes, and log all packets.\n"
+        "Connects again whenever the server goes and comes back.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -47,27 +47,33 @@ def add(commands: Any, where: argparse.ArgumentParser) -> None:
         type=SIZE,
         default=(1280, 800),
         metavar="WxH",
-        help="of the window (1280x800); images follow it",
+        help="size of the window (default: 1280x800); the images follow it",
     )
     parser.add_argument(
-        "--mode", choices=MODES, default="composite", help="what is shown first (%(default)s)"
+        "--mode",
+        choices=MODES,
+        default="composite",
+        help="what to show first (default: %(default)s)",
     )
     parser.add_argument(
-        "--camera", choices=KINDS, default="orbit", help="how it moves first (%(default)s)"
+        "--camera",
+        choices=KINDS,
+        default="orbit",
+        help="how the camera moves first (default: %(default)s)",
     )
-    parser.add_argument("--bare", action="store_true", help="without panels; Tab brings them")
+    parser.add_argument("--bare", action="store_true", help="start without panels; Tab shows them")
     parser.add_argument(
         "--screenshot",
         type=Path,
         metavar="FILE.png",
-        help="write a picture of the window once images come in its size, and end",
+        help="write a picture of the window once images of its size come, and end",
     )
     parser.add_argument(
         "--timeout",
         type=POSITIVE,
         default=10.0,
         metavar="SECONDS",
-        help="with --screenshot: give up after so long (%(default)g)",
+        help="with --screenshot: give up after this time (default: %(default)g)",
     )
     parser.set_defaults(run=_window)
 
