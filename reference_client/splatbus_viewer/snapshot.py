@@ -5,7 +5,6 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
-from PIL import Image
 from splatbus_client.loop import clock
 from splatbus_client.mapping import MemoryLostError
 from splatbus_client.session import Session
@@ -24,6 +23,8 @@ def snapshot(session: Session, path: Path, pose: Pose | None, timeout: float) ->
         OSError: the file cannot be written.
         ValueError: the file's name does not end as that of a picture; this is looked at first.
     """
+    from PIL import Image  # only now: `picture` says which extra brings it
+
     if Image.registered_extensions().get(path.suffix.lower()) not in Image.SAVE:
         raise ValueError(f"{path}: the name of a picture has to end in .png, .jpg, .webp or .tiff")
     image = _frame_from(session, pose, clock() + timeout)
