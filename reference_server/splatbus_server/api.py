@@ -197,9 +197,10 @@ class Bus:
             view: that was rendered.
             color: RGB or RGBA, straight or premultiplied as the server's `semantics` say, top row
                 first, (height, width, 3 or 4) or (3 or 4, height, width); converted to float32,
-                clamped to [0, 1] [BUF-3].
-            depth: planar, top row first, (height, width) or with one axis of length 1 more; needed
-                if `view.wants_depth`.
+                clamped to [0, 1] [BUF-3]: divide bytes by 255.
+            depth: planar, positive in front of the camera, top row first, (height, width) or with
+                one axis of length 1 more; needed if `view.wants_depth`. Nothing is there where it
+                is not finite and above 0.
             alpha: accumulated, of the shape of depth; that of the colour, if it has one, if not
                 given. Pixels where it is less than 1/255 are empty [ACC-9]. It is the colour's own
                 too where that is premultiplied RGB.
