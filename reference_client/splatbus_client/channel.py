@@ -62,7 +62,8 @@ class ChannelStatus(NamedTuple):
         version: what the server speaks on it, once that is known.
         server: what the server calls itself, if it does.
         capabilities: what both sides can do on it, once that is known.
-        problem: why there is no connection, or what the server last complained of.
+        problem: why there is no connection, or what the server last complained of, until a pose
+            that was sent later is seen to be taken.
     """
 
     connected: bool = False
@@ -157,6 +158,11 @@ class Channel:
             pass
         except OSError as error:
             self.lose(_reason(error), now)
+
+    def settle(self) -> None:
+        """Take note that what the server complained of is over."""
+        if self.machine is not None:
+            self.status = self.status._replace(problem=None)
 
     def close(self) -> None:
         """End the connection, and do not connect again."""

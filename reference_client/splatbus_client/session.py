@@ -280,8 +280,9 @@ class Session:
                     raise TimeoutError(f"no frame came within {max(0.0, timeout):.1f} s: {why}")
                 with self._loop.sending(self._ipc):
                     loan = self._reading.hold()
-            if loan.frame.camera is not None:
-                self._steering.shown(loan.frame.camera.tag)
+            camera = loan.frame.camera
+            if camera is not None and self._steering.shown(camera.tag):
+                self._message.settle()
             return self._lease(loan)
 
     def next_telemetry(self, timeout: float) -> Telemetry:

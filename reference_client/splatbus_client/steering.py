@@ -71,6 +71,7 @@ class Steering:
         self.questions: list[_Question] = []
         self._busy = False
         self._tags: deque[str] = deque(maxlen=TAGS_KEPT)
+        self._later: deque[str] = deque(maxlen=TAGS_KEPT)
         self._said: set[str] = set()
 
     def begin(self) -> MessageProtocol:
@@ -106,8 +107,11 @@ class Steering:
             self.telemetry.append(event)
             while sum(measured.size for measured in self.telemetry) > TELEMETRY_BYTES:
                 self.telemetry.popleft()
-        elif isinstance(event, ServerError) and event.error.code == "busy":
-            self._busy = True
+        elif isinstance(event, ServerError):
+            if event.error.code == "busy":
+                self._busy = True
+            else:
+                self._later.clear()
 
     def end(self) -> None:
         """Keep what is unanswered for the next connection."""
@@ -133,6 +137,7 @@ class Steering:
             self.machine.tell(message)
         if isinstance(message, CameraPose) and message.tag is not None:
             self._tags.append(message.tag)
+            self._later.append(message.tag)
         # Taken out first, so that timestamps leave in order [POS-9].
         former = self.newest.pop(subject(message), None)
         newest = succeeding(former, message)
@@ -170,13 +175,18 @@ class Steering:
             if self.machine is not None:
                 self.machine.withdraw(dropped - shared)
 
-    def shown(self, tag: str | None) -> None:
+    def shown(self, tag: str | None) -> bool:
         """Take note that an image was rendered with the pose that has this tag [CAM-2].
 
         If it is ours, we have control again: the server says only when we have not [CTL-2].
+
+        Returns:
+            Whether what the server complained of last is over: a pose told since was taken, or any
+            of ours where it was that another has control.
         """
         if self._busy and tag in self._tags:
             self._busy = False
+        return tag in self._later
 
     def lacks(self, message: Told) -> str | None:
         """Return the capability that the server lacks for a message, if that is known."""

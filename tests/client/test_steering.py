@@ -187,7 +187,18 @@ def test_busy_is_told_until_an_image_with_a_tag_of_ours_comes_or_its_connection_
         ipc.send(frame(seq, camera=camera))
         with session.next_frame(5) as lease:
             assert lease.camera.tag == tag
-    assert session.status.no_effect is None
+    assert (session.status.no_effect, session.status.message.problem) == (None, None)
+    session.send_camera(POSE, tag="ours-2")
+    message.receive()
+    message.send(BUSY | {"code": "invalid_message"})
+    answered(message, session.ask_camera_pose(0))
+    session.send_camera(POSE, tag="ours-3")
+    message.receive()
+    for seq, tag in [(4, "ours-2"), (5, "ours-3")]:
+        assert session.status.message.problem is not None
+        ipc.send(frame(seq, camera=CAMERA | {"tag": tag}))
+        session.next_frame(5).release()
+    assert session.status.message.problem is None
     message.send(BUSY)
     answered(message, session.ask_camera_pose(0))
     assert session.status.no_effect is not None
