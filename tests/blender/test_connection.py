@@ -1,5 +1,6 @@
 """The connection that Blender's interface asks, without Blender, beside our server."""
 
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -7,15 +8,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+import splatbus_client
 import splatbus_server
 from splatbus_blender.core import wanted
 from splatbus_blender.core.connection import Connection
+from splatbus_blender.core.lens import for_images
 from splatbus_blender.core.online import is_this_computer
 from splatbus_blender.core.poses import Placed
 from splatbus_blender.core.wanted import Wanted
 from splatbus_client.reading import ImagesOpen
 from splatbus_server import SceneObject, Semantics, View
-from splatbus_wire.message_types import FrameCamera, Intrinsics, Placement
+from splatbus_wire.messages import FrameCamera, Hello, Intrinsics, Placement, Program, encode
 from splatbus_wire.poses import IDENTITY, Pose
 
 from tests.engines.stage import HEIGHT, WIDTH, planes, serving
@@ -104,28 +107,67 @@ def test_depth_is_read_where_somebody_looks_at_it() -> None:
 
 
 def test_a_server_that_goes_takes_its_image_and_brings_it_back() -> None:
+    """In the shape of the view again, though its own is another, and be it one without time."""
     with splatbus_server.serve(WIDTH, HEIGHT, ipc_port=0, message_port=0) as bus:
         ports = bus.address.ipc_port, bus.address.message_port
+    view = looking_from(3, size=(40, 40), seconds=1.0)
+
+    def comes(bus: splatbus_server.Bus) -> bool:
+        connection.tell(view)
+        if (asked := bus.next_view(0.1)) is not None:
+            bus.publish(asked, *render(asked))
+        image = connection.image
+        camera = None if image is None else image.camera
+        return camera is not None and (camera.pose.position, camera.fx) == ((3, 0, 0), lens.fx)
+
     connection = Connection("127.0.0.1", *ports)
     try:
         with pytest.raises(TimeoutError, match=r"images: .*refused"):
             connection.image_of(looking_from(1), 0.5)
-        for _ in range(2):
+        lens = for_images(LENS, 40, 40)
+        for times in ((0.0, 10.0), None):
             assert connection.image is None
-            connection.tell(looking_from(3))
+            connection.tell(view)
             with splatbus_server.serve(
-                WIDTH, HEIGHT, ipc_port=ports[0], message_port=ports[1]
+                WIDTH, HEIGHT, ipc_port=ports[0], message_port=ports[1], time_range=times
             ) as bus:
-                view = bus.next_view(20)
-                while view is None or view.poses.camera.position != (3, 0, 0):
-                    connection.tell(looking_from(3))
-                    view = bus.next_view(20)
-                bus.publish(view, *render(view))
-                assert eventually(lambda: connection.image is not None)
+                assert eventually(lambda bus=bus: comes(bus))
+                assert eventually(lambda: not connection.problems), connection.problems
             assert eventually(lambda: connection.image is None)
             assert connection.newest is not None
     finally:
         connection.close()
+
+
+def test_what_is_wrong_is_told_no_longer_than_it_is() -> None:
+    """Once who had control has gone, and a client that could not follow another size."""
+    with serving(render) as where, connected(where) as connection:
+
+        def seen() -> tuple[int, float] | None:
+            camera = connection.image and connection.image.camera
+            return camera and (camera.width, camera.pose.position[0])
+
+        def comes() -> bool:
+            connection.tell(looking_from(1, size=(40, 30)))
+            return seen() == (40, 1)
+
+        assert eventually(lambda: connection.image is not None)
+        place = "127.0.0.1", int(where["SPLATBUS_IPC_PORT"])
+        with (
+            splatbus_client.connect(*place, int(where["SPLATBUS_MSG_PORT"])) as other,
+            socket.create_connection(place, 20) as old,
+        ):
+            old.sendall(encode(Hello(("1.1",), Program("old", "1"), ("host_shm", "frames"))))
+            told = b""
+            while b"generation" not in told:
+                told += old.recv(4096)
+            other.send_camera(Pose((9, 0, 0), (0, 0, 0, 1)), tag="theirs")
+            other.next_frame(20).release()
+            assert eventually(lambda: seen() == (WIDTH, 9))
+            for id in ("POS-11", "CTL-1", "VPT-3"):
+                assert eventually(lambda id=id: not comes() and id in str(connection.problems))
+        assert eventually(comes)
+        assert eventually(lambda: not connection.problems), connection.problems
 
 
 def test_telling_never_waits_for_a_render_which_ends_when_it_is_cancelled() -> None:

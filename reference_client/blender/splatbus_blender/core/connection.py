@@ -22,6 +22,8 @@ from splatbus_wire.errors import ProtocolError
 from .wanted import Said, Wanted, said, shows
 
 _TURN_SECONDS = 0.05
+_TIMELESS = "the server does not offer 'time' [NEG-5]"
+"""No problem here: every scene of Blender has a timeline, and few of splats have one."""
 _TAG_SECONDS = 1.0
 """How long the tag of a pose is waited for before images are looked at for what they show."""
 
@@ -51,6 +53,8 @@ class Connection:
         self._steering = threading.Lock()
         self._sizes = Sizes()
         self._told = Said()
+        self._connections = 0, 0
+        self._complained = False
         self._channels = Wanted().channels  # a session begins with both
         self._tags = (f"{secrets.token_hex(8)}-{n}" for n in itertools.count())
         self._tag_seen: str | None = None
@@ -86,7 +90,9 @@ class Connection:
             for name, channel in (("images", status.ipc), ("messages", status.message)):
                 if channel.problem is not None:
                     found.append(f"{name}: {channel.problem}")
-            found += [status.no_images, status.no_effect, self._sizes.problem]
+            found += [status.no_images, self._sizes.problem]
+            if status.no_effect != _TIMELESS:
+                found.append(status.no_effect)
         return tuple(each for each in found if each is not None) + self._told.problems
 
     def tell(self, wanted: Wanted) -> None:
@@ -178,6 +184,7 @@ class Connection:
         session = self._session
         if session is None:
             return None
+        self._begin_anew(session.status)
         self._sizes.turn(session, wanted.size, time.monotonic())
         new = said(wanted, session.images, last=not self._sizes.under_way)
         try:
@@ -185,6 +192,19 @@ class Connection:
             return self._say(session, new)
         except RuntimeError:
             return None  # the session has ended meanwhile
+
+    def _begin_anew(self, status: Status) -> None:
+        """Say all again to another server, and ask again where nothing stands in the way any more.
+
+        The session has said it again, but a lens that is not of the new images' shape is refused,
+        and the pose with it [CAM-6].
+        """
+        connections = status.message.connections, status.ipc.connections
+        if connections != self._connections:
+            self._connections, self._told = connections, Said(problems=self._told.problems)
+        complained, self._complained = self._complained, status.message.problem is not None
+        if complained and not self._complained and not self._sizes.under_way:
+            self._sizes = Sizes()
 
     def _subscribe(self, session: Session, wanted: Wanted) -> None:
         """Ask for depth only where it is looked at."""
@@ -200,7 +220,6 @@ class Connection:
                 with _noted(problems):
                     session.send_object(pose, name, scale)
                     objects[name] = pose, scale
-        # Every scene of Blender has a timeline: where splats have none, that is no problem.
         timed = "time" in session.status.message.capabilities
         if timed and new.seconds is not None and new.seconds != seconds:
             with _noted(problems):
