@@ -36,7 +36,8 @@ def adapter(interpreter: str, home: Path) -> tuple[str, ...]:
     """How the harness judges the extension in a Blender, which takes long to import."""
     ours = environment(home)
     given = [f"{name}={ours[name]}" for name in ("PYTHONPATH", "BLENDER_USER_RESOURCES")]
-    command = shlex.join(["env", *given, interpreter, str(PROGRAMS / "adapter.py")])
+    answers = "import bpy; from splatbus_blender.adapter import main; main()"
+    command = shlex.join(["env", *given, interpreter, "-c", answers])
     return "--adapter", command, "--patience", "60"
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 from splatbus_blender import compositing, engine, nodes, properties, service
+from splatbus_blender.adapter import rendered
 from splatbus_blender.viewing import MOVES
-from whole import rendered
 
 place, meshes, frame = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
 WIDTH, HEIGHT = 64, 48
