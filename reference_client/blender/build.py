@@ -51,6 +51,9 @@ def built(folder: Path) -> Path:
 
 
 def _wheel(folder: Path) -> Path:
+    probe = [sys.executable, "-I", "-c", "import build, hatchling"]
+    if subprocess.run(probe, stderr=subprocess.DEVNULL).returncode:
+        sys.exit(f"first install what builds it: {sys.executable} -m pip install build hatchling")
     words = ("--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT))
     # Isolated: in this folder, or where it is in the path, this file would be taken for `build`.
     line = [sys.executable, "-I", "-m", "build", *words]

@@ -1,13 +1,12 @@
 """Blender as a Python module, in the versions that the extension is tried in.
 
-    python -m tests.blender.blenders          puts each into the user's cache, and says where it is
-    python -m tests.blender.blenders 5.0      one of them
-
-They are wheels of the package index, some hundred megabytes each.
+Puts each into the user's cache, or those that are named, and says where its Python is. They are
+wheels of the package index, some hundred megabytes each.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -92,6 +91,12 @@ def _install(version: str, place: Path) -> None:
             raise Lacking(f"Blender {version} cannot be had: {done.stderr[-400:]}")
 
 
-if __name__ == "__main__":
-    for each in sys.argv[1:] or BLENDERS:
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser("python -m tests.blender.blenders", description=__doc__)
+    parser.add_argument("version", nargs="*", choices=BLENDERS)
+    for each in parser.parse_args(arguments).version or BLENDERS:
         print(installed(each))
+
+
+if __name__ == "__main__":
+    main()

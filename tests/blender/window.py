@@ -17,7 +17,7 @@ from tests.blender.running import PROGRAMS, environment
 from tests.splats.served import serving_garden
 
 WIDTH, HEIGHT = 1120, 700
-GAUSSIANS = 100_000
+GAUSSIANS = 250_000
 SHOWN = ("COMPOSITE", "DEPTH")
 """The looks whose screenshots the guide shows."""
 NEEDS = "needs Blender 3.4 and a display: apt-get install blender xvfb python3-numpy"

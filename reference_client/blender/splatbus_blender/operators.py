@@ -28,7 +28,8 @@ class Connect(bpy.types.Operator):  # type: ignore[misc]
         except ValueError as wrong:
             self.report({"ERROR"}, f"SplatBus: {wrong}")
             return {"CANCELLED"}
-        if not (bpy.app.online_access or is_this_computer(host)):
+        # Blender before 4.2 does not ask whether it may.
+        if not (getattr(bpy.app, "online_access", True) or is_this_computer(host)):
             why = f"{host} is not this computer: allow online access in the preferences first"
             self.report({"ERROR"}, f"SplatBus: {why}")
             return {"CANCELLED"}

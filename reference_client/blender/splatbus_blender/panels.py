@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import bpy
@@ -9,6 +10,9 @@ import bpy
 from . import service
 from .operators import Connect, Disconnect, SetUpCompositor
 from .viewing import MOVES
+
+_MARGIN, _ICON, _LETTER = 50, 25, 6.2
+"""Pixels, before Blender scales them: of a page where no text is, of an icon, of a letter."""
 
 
 class SidebarPanel(bpy.types.Panel):  # type: ignore[misc]
@@ -23,7 +27,6 @@ class SidebarPanel(bpy.types.Panel):  # type: ignore[misc]
     def draw(self, context: Any) -> None:
         """Lay it out; Blender calls this for each drawing."""
         layout, settings = self.layout, context.scene.splatbus
-        layout.use_property_split = True
         column = layout.column()
         column.enabled = service.connection is None
         for name in ("host", "ipc_port", "message_port"):
@@ -32,10 +35,15 @@ class SidebarPanel(bpy.types.Panel):  # type: ignore[misc]
         end = service.connection is not None
         layout.operator((Disconnect if end else Connect).bl_idname)
         layout.operator(SetUpCompositor.bl_idname)
-        for line in service.told():
-            layout.label(text=line)
-        for line in service.complaints():
-            layout.label(text=line, icon="ERROR")
+        width = context.region.width / context.preferences.system.ui_scale
+        texts = [(each, "NONE", "NONE") for each in service.told()]
+        texts += [(each, "ERROR", "BLANK1") for each in service.complaints()]
+        for text, first, other in texts:
+            room = width - _MARGIN - (_ICON if first != "NONE" else 0)
+            wrapped = textwrap.wrap(text, max(8, int(room / _LETTER)), break_on_hyphens=False)
+            lines = layout.column(align=True)
+            for number, line in enumerate(wrapped):
+                lines.label(text=line, icon=other if number else first)
 
 
 class EmptyPanel(bpy.types.Panel):  # type: ignore[misc]
@@ -54,7 +62,9 @@ class EmptyPanel(bpy.types.Panel):  # type: ignore[misc]
 
     def draw(self, context: Any) -> None:
         """Lay it out."""
-        self.layout.prop(context.object, MOVES)
+        column = self.layout.column()
+        column.label(text="Splat Object")
+        column.prop(context.object, MOVES, text="")
 
 
 register, unregister = bpy.utils.register_classes_factory((SidebarPanel, EmptyPanel))

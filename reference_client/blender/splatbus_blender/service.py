@@ -24,7 +24,8 @@ connection: Connection | None = None
 """That of this Blender, while there is one."""
 problems: tuple[str, ...] = ()
 """What is wrong with what Blender shows, in words."""
-_drawn: int | None = None
+_drawn: tuple[Any, ...] = ()
+"""What viewport and panel showed when they were drawn last."""
 _movers: list[str] = []
 _turns = 0
 
@@ -133,9 +134,9 @@ def _turn() -> float | None:
     except Exception as wrong:  # a timer that raises is never called again
         problems = (f"{type(wrong).__name__}: {wrong}",)
     image = connection.image
-    seq = None if image is None else image.seq
-    if seq != _drawn:
-        _drawn = seq
+    shown = None if image is None else image.seq, told(), complaints()
+    if shown != _drawn:
+        _drawn = shown
         _redraw()
     return _TURN_SECONDS
 

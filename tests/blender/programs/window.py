@@ -80,7 +80,7 @@ def work():
     register()
     stage()
     yield lambda: True
-    service.connect(bpy.context.scene)
+    bpy.ops.splatbus.connect()
     for look in LOOKS:
         bpy.context.scene.splatbus.show = look
         # The sky is far behind all else.
