@@ -29,7 +29,7 @@ THREADED = Placement(RING, Pose((0.02, -1.0, 0.0), (0.275, 0.0, -0.175, 0.945)),
 """A ring about the tree, which goes through its branches."""
 NEAREST, FARTHEST = 1.5, 8.0
 """Of the false colours, scene units: to the hedge, since the sky is far behind all else."""
-QUALITY = 75
+QUALITY = 72
 """Of JPEG: with more of it the largest would be larger than a picture here may be."""
 PLOTTED_SECONDS = 31.0
 """What plots show, and a little more: the window's own beginning is outside."""

@@ -19,6 +19,8 @@ from imgui_bundle import imgui  # isort: skip
 from splatbus_viewer.window.cameras import turned  # isort: skip
 from splatbus_viewer.window.choices import RING, ring_before  # isort: skip
 from splatbus_viewer.window.conversation import REST_SECONDS  # isort: skip
+from splatbus_viewer.window.figures import Course  # isort: skip
+from splatbus_viewer.window.panels.figures import summary  # isort: skip
 from splatbus_viewer.window.screen import Screen  # isort: skip
 
 STORED = Path(__file__).parent / "data"
@@ -145,14 +147,24 @@ def test_a_window_that_is_minimised_asks_for_no_size_of_its_own(
         assert staged.window.picture.size == SIZE
 
 
+def test_the_title_of_a_plot_is_short() -> None:
+    course = Course("ms")
+    for wait in (2.34, 2.34, 1018.1):
+        course.add(0.0, wait)
+    assert summary(course, "round trip") == "round trip: 2.3, p99 998 ms###round trip"
+
+
 def test_panels_leave_their_part_and_give_it_back(server: Settings) -> None:
-    with opened(server) as staged:
+    whole = 1280, 800  # as the command opens it
+    with opened(server, whole) as staged:
         staged.rests()
         width, height = staged.window.picture.size
-        assert width < 0.8 * SIZE[0]
-        assert height < 0.8 * SIZE[1]
+        assert width < 0.8 * whole[0]
+        assert height < 0.8 * whole[1]
+        for name in ("View", "Scene"):
+            assert imgui.internal.find_window_by_name(name).scroll_max.y == 0, "nothing is cut off"
         staged.press(glfw.KEY_TAB)
-        staged.until(lambda: staged.window.picture.size == SIZE)
+        staged.until(lambda: staged.window.picture.size == whole)
 
 
 def test_a_server_that_goes_and_comes_back_is_seen_again(screen: None) -> None:
@@ -163,10 +175,11 @@ def test_a_server_that_goes_and_comes_back_is_seen_again(screen: None) -> None:
             staged.rests()
             staged.drag(80, 0)
             staged.rests()
-            moved = window.choices.eye.pose
+            moved, bright = window.choices.eye.pose, pixels(staged)[0].mean()
             first.close()
             staged.until(lambda: "Start one with: splatbus-server" in (window.look.trouble or ""))
             assert not status().ipc.connected
+            assert pixels(staged)[0].mean() < 0.5 * bright, "above the notice, too"
             with demo(where.ipc_port, where.message_port):
                 staged.until(lambda: status().ipc.connections == 2 and window.look.trouble is None)
                 staged.rests()

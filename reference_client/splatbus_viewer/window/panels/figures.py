@@ -55,8 +55,10 @@ def summary(course: Course, name: str) -> str:
         told = f"{title}: none yet"
     elif course.unit == "ms":
         _, values = course.points(0.0)
-        middle, late = np.percentile(values, [50, 99])
-        told = f"{title}: {middle:.1f} ms, p99 {late:.1f} ms"
+        middle, late = (
+            f"{each:.{1 if each < 10 else 0}f}" for each in np.percentile(values, [50, 99])
+        )
+        told = f"{title}: {middle}, p99 {late} ms"
     else:
         told = f"{title}: {course.newest:.4g} {course.unit}".rstrip()
     return f"{told}###{name if identity else title}"

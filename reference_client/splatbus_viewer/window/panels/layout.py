@@ -12,8 +12,10 @@ from splatbus_viewer.window.panels.look import Look
 
 Area = tuple[float, float, float, float]
 """Left, top, width, height in the units of the desktop."""
-_SIDE, _BELOW = 0.24, 0.30
+_SIDE, _BELOW = 0.24, 0.25
 _PANELS = {"View": view.panel, "Scene": scene.panel, "Figures": figures.panel, "Packets": log.panel}
+_DARK = 0x99000000
+"""Over an image whose server has gone: alpha, blue, green, red."""
 _SETTLED = 3
 """Images after which the panels are where they were laid."""
 _BESIDE, _UNDER = ("View", "Scene"), ("Figures", "Packets")
@@ -66,7 +68,7 @@ def _lay_out(identity: int) -> None:
     builder.dock_builder_set_node_size(identity, imgui.get_main_viewport().size)
     below = builder.dock_builder_split_node(identity, imgui.Dir.down, _BELOW)
     side = builder.dock_builder_split_node(below.id_at_opposite_dir, imgui.Dir.left, _SIDE)
-    sides = builder.dock_builder_split_node(side.id_at_dir, imgui.Dir.up, 0.62)
+    sides = builder.dock_builder_split_node(side.id_at_dir, imgui.Dir.up, 0.69)
     for name, place in zip(_BESIDE, (sides.id_at_dir, sides.id_at_opposite_dir)):
         builder.dock_builder_dock_window(name, place)
     for name in _UNDER:
@@ -91,6 +93,8 @@ def _notice(text: str, area: Area) -> None:
     left, top, width, height = area
     flags = imgui.WindowFlags_
     middle = imgui.ImVec2(left + width / 2, top + height / 2)
+    corners = imgui.ImVec2(left, top), imgui.ImVec2(left + width, top + height)
+    imgui.get_background_draw_list().add_rect_filled(*corners, _DARK)
     imgui.set_next_window_pos(middle, imgui.Cond_.always, imgui.ImVec2(0.5, 0.5))
     imgui.set_next_window_size(imgui.ImVec2(min(520.0, 0.9 * width), 0.0))
     imgui.begin(

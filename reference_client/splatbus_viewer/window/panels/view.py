@@ -118,6 +118,8 @@ def _camera(look: Look) -> None:
             choices.field_of_view = ASSUMED_FIELD if asked else None
             choices.is_steering = True
         if choices.field_of_view is not None:
+            imgui.same_line()
+            imgui.set_next_item_width(-1)
             _, choices.field_of_view = imgui.slider_float(
                 "##degrees", choices.field_of_view, 5.0, 150.0, "%.0f degrees high"
             )
