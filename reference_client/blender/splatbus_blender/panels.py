@@ -11,8 +11,8 @@ from . import service
 from .operators import Connect, Disconnect, SetUpCompositor
 from .viewing import MOVES
 
-_MARGIN, _ICON, _LETTER = 50, 25, 6.2
-"""Pixels, before Blender scales them: of a page where no text is, of an icon, of a letter."""
+_MARGIN, _LETTER = 65, 6.2
+"""Pixels of a page where no text is, and that a letter takes, before Blender scales them."""
 
 
 class SidebarPanel(bpy.types.Panel):  # type: ignore[misc]
@@ -36,14 +36,14 @@ class SidebarPanel(bpy.types.Panel):  # type: ignore[misc]
         layout.operator((Disconnect if end else Connect).bl_idname)
         layout.operator(SetUpCompositor.bl_idname)
         width = context.region.width / context.preferences.system.ui_scale
-        texts = [(each, "NONE", "NONE") for each in service.told()]
-        texts += [(each, "ERROR", "BLANK1") for each in service.complaints()]
-        for text, first, other in texts:
-            room = width - _MARGIN - (_ICON if first != "NONE" else 0)
-            wrapped = textwrap.wrap(text, max(8, int(room / _LETTER)), break_on_hyphens=False)
+        letters = max(8, int((width - _MARGIN) / _LETTER))
+        shown = [(each, "NONE") for each in service.told()]
+        shown += [(each, "ERROR") for each in service.complaints()]
+        for text, icon in shown:
             lines = layout.column(align=True)
-            for number, line in enumerate(wrapped):
-                lines.label(text=line, icon=other if number else first)
+            for line in textwrap.wrap(text, letters, break_on_hyphens=False):
+                lines.label(text=line, icon=icon)
+                icon = "BLANK1"
 
 
 class EmptyPanel(bpy.types.Panel):  # type: ignore[misc]

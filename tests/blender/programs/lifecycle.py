@@ -115,7 +115,7 @@ def check_an_undo_is_shown():
 
 
 def check_a_turn_that_fails_is_not_the_last():
-    """Blender never calls a timer again that raised; and what is wrong is drawn, without an image."""
+    """Blender never calls a timer again that raised; what is wrong is drawn without an image."""
     tell, fault = service().tell, "ZeroDivisionError: division by zero"
     redraw, drawn = service()._redraw, []
     service()._redraw = lambda: drawn.append(service().complaints())
