@@ -2,8 +2,8 @@
 
 import re
 import subprocess
-import sys
 import tomllib
+import venv
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from splatbus_server import View
 
+from tests.blender.blenders import BLENDERS, main
 from tests.blender.running import ROOT, ran
 from tests.engines.stage import planes, serving
 
@@ -18,13 +19,21 @@ BLENDER = ROOT / "reference_client" / "blender"
 EXTENSION = BLENDER / "splatbus_blender"
 
 
-@pytest.fixture(scope="module")
-def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("built")
-    line = [sys.executable, str(BLENDER / "build.py"), str(folder)]
+def test_who_cannot_build_it_is_told_what_to_install(tmp_path: Path) -> None:
+    venv.create(tmp_path)
+    line = [str(tmp_path / "bin" / "python"), str(BLENDER / "build.py"), str(tmp_path)]
     done = subprocess.run(line, capture_output=True, text=True, timeout=240)
-    assert done.returncode == 0, done.stderr
-    return Path(done.stdout.splitlines()[-1])
+    assert done.returncode == 1
+    assert done.stderr.endswith(f"{line[0]} -m pip install build hatchling\n")
+    assert done.stderr.count("\n") == 1
+
+
+def test_which_blenders_there_are_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    for word in ("--help", "9.9"):
+        with pytest.raises(SystemExit):
+            main([word])
+        told = "".join(capsys.readouterr())
+        assert all(each in told for each in BLENDERS)
 
 
 def test_the_manifest_says_what_blender_needs() -> None:
