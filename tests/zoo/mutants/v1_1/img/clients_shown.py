@@ -168,6 +168,23 @@ def draws_empty_pixels_in_front(original, color, depth, *rest):
 
 
 @mutant(
+    "BUF-8",
+    check="check_shows_its_geometry_where_the_image_is_empty",
+    code="transparent-pixel-shown",
+    axes="opencv",
+)
+def draws_transparent_pixels(patch):
+    """Takes an alpha of 0 for one that is not given, and draws the pixel opaque."""
+
+    def opaque(original, color, *rest):
+        alpha = np.where(color[..., 3:] == 0, np.float32(1), color[..., 3:])
+        return original(np.concatenate([color[..., :3], alpha], -1), *rest)
+
+    for seam in (viewer.PLANAR_DEPTH, Seam(display, "over_straight")):
+        seam.wrap(patch, opaque)
+
+
+@mutant(
     "BUF-9",
     check="check_takes_no_odd_depth_for_a_surface",
     code="odd-depth-shown",
