@@ -233,7 +233,7 @@ POSES = (
         "a camera in OpenGL's axes, with y up and looking along −z",
         _axes((1, 1, 1), (1, -1, -1)),
     ),
-    Misreading("axes-of-unity", "a pose in Unity's axes, with y up", _axes((1, -1, 1), (1, -1, 1))),
+    Misreading("axes-of-unity", "a pose in Unity's axes with y up", _axes((1, -1, 1), (1, -1, 1))),
 )
 MIRRORED = Misreading("rows-top-down", "rows stored top-down", depth=lambda view: view.depth[::-1])
 """Of a scene that nobody knows, images with these rows and a pose in Unity's axes are the same."""

@@ -159,9 +159,9 @@ def weigh(
         found = [it for it in found if it not in ROWS]
     if not found or not tells(best, right):
         return SurveyFinding(
-            silent="the images cannot tell from where they are seen, as those of soft or sparse"
-            f" splats cannot: {right:.0%} of the points of one are where another has them by what"
-            f" the frames say, and {best:.0%} by the likeliest mistake"
+            silent="the images do not show from where they are seen; those of soft or sparse splats"
+            f" never do: as the frames say, {right:.0%} of the points match between two images, and"
+            f" with the likeliest mistake {best:.0%}"
         )
     guilty = MIRRORED if MIRRORED in found else found[0]
     depth_alone = guilty in ROWS and _depth_alone(taken, guilty)
@@ -172,9 +172,8 @@ def weigh(
             silent=f"the images fit {_either(words)}, which other requirements forbid"
         )
     return SurveyFinding(
-        f"the images fit {_either(words)}:"
-        f" {best:.0%} of the points of one image are where another one has them by that,"
-        f" and {right:.0%} by what the frames say",
+        f"the images fit {_either(words)}: so read, {best:.0%} of the points match between two"
+        f" images; as the frames say, {right:.0%} match",
         code=guilty.code,
     )
 
@@ -211,7 +210,7 @@ def likeness(some: CapturedFrame, others: CapturedFrame) -> float:
 
 
 def _either(words: Sequence[str]) -> str:
-    return " or, which such images cannot tell apart, ".join(words)
+    return ", or ".join(words) + " (they cannot show which)" * (len(words) > 1)
 
 
 def _at(taken: Sequence[SurveyShot]) -> str:
