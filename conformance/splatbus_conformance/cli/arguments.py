@@ -46,15 +46,15 @@ def plan_of(side: Side, arguments: argparse.Namespace) -> Plan:
     )
     if plan.stand_in_cuda and not starts_it:
         raise Usage(
-            "--stand-in-cuda changes where the testee finds libcudart, which the harness can do "
-            "only for what it starts: use --launch" + (" or --adapter" if side == "client" else "")
+            "--stand-in-cuda: the harness can replace libcudart only in a program that it starts: "
+            "use --launch" + (" or --adapter" if side == "client" else "")
         )
     if plan.within and plan.profile == "soak":
-        raise Usage("--within: a soak goes on for as long as --minutes says; leave one of them out")
+        raise Usage("--within does not go with --profile soak, whose length is --minutes")
     if plan.parallel > 1 and not (starts_it and plan.ports == (0, 0)):
         raise Usage(
-            f"--parallel {plan.parallel}: several testees at a time need ports of their own, which "
-            "the harness passes to what it starts: use --launch or --adapter, and leave out --ports"
+            f"--parallel {plan.parallel}: each testee needs its own ports, which the harness gives "
+            "to the programs that it starts: use --launch or --adapter, and leave out --ports"
         )
     return plan
 
@@ -64,8 +64,8 @@ def wishes_of(side: Side, arguments: argparse.Namespace) -> RunOptions:
     partial = arguments.select or arguments.deselect
     if arguments.write_expected and partial:
         raise Usage(
-            "--write-expected wants a whole run, or it would forget the failures that were not "
-            "looked for: leave out --select and --deselect"
+            "--write-expected needs a whole run, or its list would lack failures: leave out "
+            "--select and --deselect"
         )
     wishes = RunOptions(
         arguments.strict,
@@ -114,9 +114,9 @@ def parse_ports(text: str | None, default: tuple[int, int]) -> tuple[int, int]:
     try:
         ipc, msg = (int(part) for part in text.split(","))
     except ValueError:
-        raise Usage(f"--ports {text}: two numbers are wanted, such as 6001,6000") from None
+        raise Usage(f"--ports {text}: give two numbers, such as 6001,6000") from None
     if not (0 <= ipc <= MOST_PORT and 0 <= msg <= MOST_PORT):
-        raise Usage(f"--ports {text}: a port is a number from 0, for a free one, to {MOST_PORT}")
+        raise Usage(f"--ports {text}: a port is a number from 0 (any free port) to {MOST_PORT}")
     if ipc == msg != 0:
         raise Usage(f"--ports {text}: IPC and message need a port each, such as 6001,6000")
     return ipc, msg
@@ -126,7 +126,7 @@ def parse_share(text: str) -> float:
     """`90%` as 0.9."""
     number = text.removesuffix("%")
     if not (number.isdecimal() and int(number) <= 100):
-        raise Usage(f"--require-coverage {text}: a whole number of percent is wanted, such as 90%")
+        raise Usage(f"--require-coverage {text}: give a whole number of percent, such as 90%")
     return int(number) / 100
 
 

@@ -118,7 +118,7 @@ def report(arguments: argparse.Namespace, out: Console) -> int:
     reports = load_reports(Path(arguments.file))
     files = files_of(arguments)
     if not any(files):
-        raise Usage(f"what is to be made of {arguments.file}? Add --html FILE, say")
+        raise Usage(f"{arguments.file}: say what to make from it, such as --html FILE")
     files.write(reports)
     for each in reports:
         out.print(f"{each['testee']}: {each['summary']}")

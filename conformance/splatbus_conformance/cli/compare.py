@@ -50,7 +50,7 @@ def stored(named: Sequence[Path]) -> Iterator[tuple[str, Report]]:
     for each in named:
         inside = sorted(each.glob("*.json")) if each.is_dir() else [each]
         if not inside:
-            raise Usage(f"{each}: there is no report in this folder: what --json writes is one")
+            raise Usage(f"{each}: there is no report in this folder; --json writes one")
         paths += inside
     stems = [path.stem for path in paths]
     for path in paths:

@@ -6,7 +6,7 @@ examples:
   splatbus-conformance demo
       judge the reference client, to see what a verdict looks like
   splatbus-conformance client --launch "./my-viewer --headless"
-      start my-viewer again and again, and judge it
+      start my-viewer as often as needed, and judge it
   splatbus-conformance server --launch "./my-renderer"
       start my-renderer, and judge it as a server
   splatbus-conformance audit session.jsonl
@@ -16,20 +16,20 @@ examples:
   splatbus-conformance explain FRM-3
       the sentence, what it accepts, and how it is checked
 
-`splatbus-conformance COMMAND --help` has more of each.
+`splatbus-conformance COMMAND --help` shows its options.
 
 exit status: 0 conforming, 1 not conforming, 2 usage, 3 no verdict, 130 interrupted
 """,
     "client": """\
 examples:
   splatbus-conformance client --launch "./my-viewer --headless" --html report.html
-      start my-viewer again and again, judge it, and write a page about it
+      start my-viewer as often as needed, judge it, and write a page about it
   splatbus-conformance client --launch ./my-viewer --parallel 4 --profile full
-      deliver many more cases, to four of them at a time
+      deliver many more cases, to four of them at once
   splatbus-conformance client --launch ./my-viewer --select FRM,JSN-6 --record sessions
-      only the clause FRM and one requirement, and keep what crosses the wire
+      judge only the clause FRM and one requirement, and record what crosses the wire
   splatbus-conformance client --launch ./my-viewer --write-expected known.toml
-      note what is broken today; with --expect-failures known.toml only what changes fails
+      list what is broken today; with --expect-failures known.toml only changes fail
   splatbus-conformance client --launch ./my-viewer --junit report.xml --json report.json
       in a CI job; `report report.json --html report.html` makes a page of it later
   splatbus-conformance client --wait --ports 6001,6000
@@ -38,7 +38,7 @@ examples:
     "server": """\
 examples:
   splatbus-conformance server --launch "./my-renderer" --html report.html
-      start my-renderer again and again, judge it, and write a page about it
+      start my-renderer as often as needed, judge it, and write a page about it
   splatbus-conformance server --launch ./my-renderer --junit report.xml --json report.json
       in a CI job
   splatbus-conformance server --connect --ports 6001,6000
@@ -49,17 +49,17 @@ examples:
   splatbus-conformance compare before.json after.json
       what was mended, and what broke
   splatbus-conformance compare reports --html gallery.html
-      a page about all programs of which a report lies in the folder
+      a page about all programs with a report in the folder
 """,
     "replay": """\
 examples:
   splatbus-conformance replay splatbus-failures/FRM-3-bad_length_closes.json \\
       --launch ./my-viewer
-      what stands below a failure as the way to see it again
+      the command that stands below a failure: see it again
   splatbus-conformance replay session.jsonl client --launch ./my-viewer
       say to my-viewer what the server in this recording said, and judge it
 
-exit status: 1 it fails again, 0 it does not, 3 nothing can be said
+exit status: 1 it fails again, 0 it does not, 3 no verdict
 """,
     "audit": """\
 examples:
@@ -69,7 +69,7 @@ examples:
       judge the client in each of these, for a CI system
   tcpdump -i any -s 0 -w session.pcap "tcp port 6001 or tcp port 6000"
   splatbus-conformance audit session.pcap
-      capture a session from before its connections are made, and judge it
+      start the capture before the client connects, then judge it
 """,
     "proxy": """\
 examples:
@@ -87,7 +87,7 @@ examples:
   splatbus-conformance report --schema
       the JSON Schema of what --json writes
 
-exit status: 0 the reports are made, whatever they say; 2 the file is no report
+exit status: 0 the reports are made, whatever they say; 2 the file is not a report
 """,
 }
 """By command; the first is of them all."""

@@ -39,5 +39,5 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
     except Exception:
         complain_of_fault()
-        complain("no verdict: the harness failed; the fault is its own")
+        complain("no verdict: the harness failed; this says nothing about your program")
         return EXIT_NO_VERDICT

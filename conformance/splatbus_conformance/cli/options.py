@@ -17,7 +17,7 @@ FORMATS = {
     "junit": "a report for CI systems, as JUnit XML",
     "html": "a page for people",
     "markdown": "a summary for a CI step; it is appended to FILE",
-    "badge": "what the endpoint badge of shields.io reads",
+    "badge": "JSON for the endpoint badge of shields.io",
 }
 
 
@@ -33,7 +33,7 @@ def recording_options(command: argparse.ArgumentParser) -> None:
         "--peer",
         choices=("client", "server", "both"),
         default="both",
-        help="whom to judge (%(default)s)",
+        help="which side to judge (%(default)s)",
     )
     command.add_argument("--strict", action="store_true", help="a warning fails the run")
     format_options(command.add_argument_group("what is written"))
@@ -41,13 +41,13 @@ def recording_options(command: argparse.ArgumentParser) -> None:
 
 def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> None:
     """What is asked of a live run on either kind of testee, by the question that it answers."""
-    where = command.add_argument_group("where the testee is")
+    where = command.add_argument_group("where the testee (your program) is")
     where.add_argument("--host", default=USUAL_HOST, help=f"{host} (%(default)s)")
     where.add_argument("--ports", metavar="IPC,MSG", help=ports)
     where.add_argument(
         "--stand-in-cuda",
         action="store_true",
-        help="give it a CUDA runtime without a GPU, and judge what it does with device memory "
+        help="give it a stand-in for the CUDA runtime, and judge what it does with device memory "
         "(conformance/STAND_IN_CUDA.md)",
     )
     where.add_argument(
@@ -58,35 +58,37 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         type=COUNT,
         metavar="N",
         default=0,
-        help="start N testees, each on ports of its own, and share the checks out; without it, as "
-        "many as machine and testee allow, and 1 for one after the other",
+        help="start N testees at once, each on its own ports, and share the checks out (as many "
+        "as machine and testee allow)",
     )
 
-    what = command.add_argument_group("what it is judged by")
+    what = command.add_argument_group("how it is judged")
     what.add_argument(
         "--profile",
         choices=PROFILES,
         default="quick",
-        help="how many cases: a quarter of quick, a thousand, ten thousand, or full ones with new "
-        "seeds for --minutes (%(default)s)",
+        help="how many cases: quick has about a thousand, brief fewer, full more; soak repeats "
+        "full with new seeds for --minutes (%(default)s)",
     )
     what.add_argument(
         "--minutes", type=POSITIVE, metavar="N", default=10.0, help="length of a soak (%(default)g)"
     )
-    what.add_argument("--seed", type=WHOLE, default=0, help="for the drawn cases (%(default)s)")
+    what.add_argument(
+        "--seed", type=WHOLE, default=0, help="another one draws other cases (%(default)s)"
+    )
     what.add_argument(
         "--select",
         metavar="TERM,…",
         default="",
-        help="only these: ids (FRM-3), clauses (FRM), levels (L0 to L3), checks (check_…)",
+        help="run only these: ids (FRM-3), clauses (FRM), levels (L0 to L3), checks (check_…)",
     )
     what.add_argument(
-        "--deselect", metavar="TERM,…", default="", help="not these; wins over --select"
+        "--deselect", metavar="TERM,…", default="", help="leave these out, also of --select"
     )
     what.add_argument(
         "--allow-crash",
         action="store_true",
-        help="without --launch: also run what may crash a testee that breaks a requirement",
+        help="without --launch: also run cases that could crash a faulty testee",
     )
 
     what.add_argument(
@@ -94,53 +96,55 @@ def live_options(command: argparse.ArgumentParser, *, ports: str, host: str) -> 
         type=option(_time, "time such as 90s, 5m or 1h"),
         metavar="T",
         default=0.0,
-        help="a time that the run has to keep to, such as 90s or 5m: what matters most comes "
-        "first, and what did not run is counted",
+        help="end the run within this time, such as 90s or 5m: what matters most runs first, and "
+        "what did not run is counted",
     )
     what.add_argument(
-        "--exitfirst", action="store_true", help="with --parallel 1: end it once a MUST is broken"
+        "--exitfirst", action="store_true", help="with --parallel 1: stop at the first broken MUST"
     )
 
-    failing = command.add_argument_group("what fails the run besides a broken MUST")
-    failing.add_argument("--strict", action="store_true", help="a warning")
+    failing = command.add_argument_group("when the run fails, besides a broken MUST")
+    failing.add_argument("--strict", action="store_true", help="if there is a warning")
     failing.add_argument(
         "--require-coverage",
         metavar="N%",
         default="0%",
-        help="less than N%% of the MUSTs on this testee observed (%(default)s)",
+        help="if less than N%% of the MUSTs on this testee were observed (%(default)s)",
     )
     failing.add_argument(
         "--require-level",
         choices=tuple(Level),
         default=Level.PASSIVE,
-        help="nothing observed at this assurance; what is seen at less does not count (L0)",
+        help="if nothing was observed at this level; lower levels do not count then (L0)",
     )
     failing.add_argument(
         "--require-version",
         choices=VERSIONS,
         default=VERSIONS[0],
-        help="a testee that speaks an older one (%(default)s)",
+        help="if the testee speaks only an older version (%(default)s)",
     )
     failing.add_argument(
         "--expect-failures",
         metavar="FILE",
-        help="a listed failure that passes or is another now; one that is as listed fails nothing",
+        help="if a listed failure passes or changes; as listed, it does not fail the run",
     )
 
     written = command.add_argument_group("what is written")
     format_options(written)
-    written.add_argument("--record", metavar="FOLDER", help="all that crosses the wire")
+    written.add_argument(
+        "--record", metavar="FOLDER", help="recordings of all that crosses the wire"
+    )
     written.add_argument(
         "--write-expected",
         metavar="FILE",
-        help="the list for --expect-failures that fits this run; it takes a whole one",
+        help="a list of the failures, for --expect-failures; needs a whole run",
     )
     written.add_argument(
         "--shrink",
         type=option(within(float, 0), "number from 0 on, such as 10"),
         metavar="S",
         default=SHRINK_SECONDS,
-        help="seconds, in all, to deliver failures again and make them small in (%(default)g)",
+        help="seconds in all to deliver failures again and shrink them (%(default)g)",
     )
     written.add_argument(
         "--scripts",

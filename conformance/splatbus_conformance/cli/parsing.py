@@ -44,8 +44,8 @@ def parser() -> argparse.ArgumentParser:
         prog="splatbus-conformance",
         **_prose(
             "",
-            "Judge a SplatBus client or server: which requirements it meets, which it breaks, and "
-            "the bytes that show it.",
+            "Judge a SplatBus client or server, the testee: which requirements it meets, which it "
+            "breaks, and the bytes that show it.",
         ),
     )
     top.add_argument("--version", action=ShowVersion)
@@ -57,8 +57,9 @@ def parser() -> argparse.ArgumentParser:
         help="judge a client",
         **_prose(
             "client",
-            "Judge a client. The harness plays the server, on two ports that it passes in "
-            "SPLATBUS_HOST, SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT to what it launches.",
+            "Judge a client. The harness plays the server. The client has to connect to the ports "
+            "in SPLATBUS_HOST, SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT, and to run until the "
+            "harness ends it.",
         ),
     )
     how = client.add_mutually_exclusive_group(required=True)
@@ -77,7 +78,7 @@ def parser() -> argparse.ArgumentParser:
         type=SIZE,
         metavar="WxH",
         default="{}x{}".format(*USUAL_SIZE),
-        help="image size to announce (%(default)s); some clients insist on their own",
+        help="image size to announce (%(default)s); some clients take only their own",
     )
     live_options(
         client,
@@ -90,9 +91,9 @@ def parser() -> argparse.ArgumentParser:
         help="judge a server",
         **_prose(
             "server",
-            "Judge a server. The harness plays its clients. A server that it launches has to "
-            "listen on the ports that it finds in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT. If it "
-            "requires a token, the harness takes that from SPLATBUS_TOKEN.",
+            "Judge a server. The harness plays its clients. With --launch, the server has to "
+            "listen on the ports in SPLATBUS_IPC_PORT and SPLATBUS_MSG_PORT. If it requires a "
+            "token, the harness takes that from SPLATBUS_TOKEN.",
         ),
     )
     how = server.add_mutually_exclusive_group(required=True)
@@ -113,9 +114,9 @@ def parser() -> argparse.ArgumentParser:
         "       %(prog)s SESSION.jsonl (client | server) (--launch CMD | …) …",
         **_prose(
             "replay",
-            "Deliver the script that a run wrote of a failure, and say whether the testee "
-            "fails again. What follows FILE are options of `client`, or of `server`. Of a "
-            "recording, one side is played again to the other, which is judged: say which that is.",
+            "Deliver the script of a failure again, and say whether the testee still fails. After "
+            "FILE come options of `client` or `server`. If FILE is a recording, say which side to "
+            "judge; the harness plays the other side again.",
         ),
     )
     replay.add_argument("file", metavar="FILE")
@@ -143,11 +144,11 @@ def parser() -> argparse.ArgumentParser:
         help="record and judge a live session of a client and a server",
         **_prose(
             "proxy",
-            "Stand between a real client and a real server: pass on what they say, show it as it "
-            "goes, write it down, and judge both at the end. Start the server, start this, and "
-            "have the client connect to the ports of --listen. Handles of memory pass through, so "
-            "images go their usual way. To listen to other machines, it wants the server's token "
-            "in SPLATBUS_TOKEN, and asks for it.",
+            "Stand between a real client and a real server: pass on what they say, show it live, "
+            "record it, and judge both at the end. Start the server, start this, and have the "
+            "client connect to the ports of --listen. Memory handles pass through, so images go "
+            "their usual way. To listen to other machines, it needs the server's token in "
+            "SPLATBUS_TOKEN, and asks clients for it.",
         ),
     )
     proxy.add_argument(
@@ -166,24 +167,24 @@ def parser() -> argparse.ArgumentParser:
         "--record",
         metavar="FILE",
         default="splatbus-session.jsonl",
-        help="what passes, for `audit` (%(default)s)",
+        help="recording of the session, for `audit` (%(default)s)",
     )
     proxy.add_argument(
         "--seconds",
         type=POSITIVE,
         metavar="S",
         default=math.inf,
-        help="end by itself after so long",
+        help="end after so many seconds",
     )
     recording_options(proxy)
 
     report = commands_.add_parser(
         "report",
-        help="make a page, JUnit XML and so on of a stored JSON report",
+        help="make a page, JUnit XML and so on from a stored JSON report",
         **_prose(
             "report",
-            "Make reports of what an earlier run wrote with --json. It is measured by the schema "
-            "of such reports first.",
+            "Make reports from what an earlier run wrote with --json. The file is checked against "
+            "the schema of reports first.",
         ),
     )
     what = report.add_mutually_exclusive_group(required=True)
@@ -193,13 +194,13 @@ def parser() -> argparse.ArgumentParser:
 
     compare = commands_.add_parser(
         "compare",
-        help="show several stored reports beside each other",
+        help="compare several stored reports",
         **_prose(
             "compare",
-            "Show what several programs, or versions of one, keep and break, from what runs wrote "
-            "with --json: a table of the requirements that not all meet, and what was mended or "
-            "broken from each report on a testee to the next. Sides and versions of the harness "
-            "have a table each.",
+            "Compare several programs, or versions of one, by what their runs wrote with --json. "
+            "The table has the requirements that not all of them meet. For reports on the same "
+            "testee it says what was mended and what broke since the one before. Each side and "
+            "each version of the harness has its own table.",
         ),
     )
     compare.add_argument("reports", nargs="+", metavar="REPORT", help="a file, or a folder of them")
@@ -208,10 +209,12 @@ def parser() -> argparse.ArgumentParser:
     demo = commands_.add_parser("demo", help="judge the reference client")
     format_options(demo)
 
-    commands_.add_parser("selftest", help="see it fail a client that is broken in a dozen ways")
+    commands_.add_parser(
+        "selftest", help="test the harness on a client that is broken in a dozen ways"
+    )
 
     list_ = commands_.add_parser("list", help="every requirement, and how it is checked")
-    list_.add_argument("--peer", choices=("client", "server"), help="only those that bind this one")
+    list_.add_argument("--peer", choices=("client", "server"), help="only those for this side")
 
     explain = commands_.add_parser("explain", help="one requirement: sentence, reason, check")
     explain.add_argument("ids", nargs="+", metavar="ID")

@@ -31,7 +31,7 @@ def side_of(words: Sequence[str]) -> Side:
         if words[:1] == [side]:
             return side
     raise Usage(
-        "a recording has two sides: say whom it is to be played to, as in "
+        "a recording has two sides: say which one to judge, as in "
         "`replay SESSION.jsonl client --launch CMD` or `replay SESSION.jsonl server --connect`"
     )
 
@@ -52,11 +52,11 @@ def play_recording(file: Path, plan: Plan, files: Files, out: Console, *, strict
     whole, lacking = restored(recorded, own_token()) if plan.side == "server" else (recorded, 0)
     given = steps(whole, plan.side)
     if not given:
-        raise Usage(f"{file}: the {PEER[plan.side]} says nothing in it that could be played")
+        raise Usage(f"{file}: the {PEER[plan.side]} sends nothing in it that could be played")
     if lacking:
         out.print(
-            f"{lacking} `hello` lack the token that was left out of the recording, and a server "
-            "that requires one refuses them; those that came in one piece have it from "
+            f"{lacking} `hello` have no token, since recordings leave it out; a server that "
+            "requires one refuses them. Those that came in one piece have the token in "
             f"{TOKEN_VARIABLE}."
         )
     files.remove_former()

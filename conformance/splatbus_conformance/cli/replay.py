@@ -94,7 +94,7 @@ def _print(script: Script, given: Replay, out: Console) -> None:
     title = (verdict, style), " ", (requirement.id, "bold"), " ", (words(script.check), "dim")
     out.print(Text.assemble(*title))
     out.print(f"  the standard   {requirement.sentence}")
-    out.print(f"  acceptable     {', '.join(requirement.acceptable)}")
+    out.print(f"  it accepts     {', '.join(requirement.acceptable)}")
     out.print(f"  seen before    {script.seen}")
     out.print(f"  seen now       {given.broken or 'nothing that breaks it'}")
     if given.skipped:

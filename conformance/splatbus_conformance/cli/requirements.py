@@ -11,6 +11,8 @@ from splatbus_conformance.reports.terminal import words
 from splatbus_conformance.selection import did_you_mean
 
 PEERS = ("client", "server")
+MOST_COLUMNS = 100
+"""Of an explanation: longer lines are hard to read."""
 
 
 def print_list(out: Console, peers: tuple[str, ...]) -> None:
@@ -55,14 +57,16 @@ def print_explanation(out: Console, name: str) -> bool:
     grid.add_row("acceptable", ", ".join(requirement.acceptable))
     for peer in requirement.binds:
         for judge in judges(peer).get(requirement.id, []):
-            grid.add_row(peer, Text.assemble((words(judge.name), "bold"), f" at {judge.level}"))
+            grid.add_row(
+                peer, Text.assemble((words(judge.name), "bold"), f", judged at {judge.level}")
+            )
             grid.add_row("", Text(judge.what, "dim"))
         if why := exclusions(peer).get(requirement.id):
             level = why.visible_at
             where = "no level shows it" if level == "none" else f"visible at {level}"
             grid.add_row(peer, f"not judged: {where}")
             grid.add_row("", Text(why.reason, "dim"))
-    out.print(Padding(grid, (0, 0, 1, 2), expand=False))
+    out.print(Padding(grid, (0, 0, 1, 2), expand=False), width=min(out.width, MOST_COLUMNS))
     return True
 
 
@@ -74,4 +78,4 @@ def _what_there_is(name: str) -> str:
     if name in families:
         return f"a clause, with {', '.join(families[name])}"
     hint = did_you_mean(name, known)
-    return f"no such requirement; {hint}the families are {', '.join(sorted(families))}"
+    return f"no such requirement; {hint}the clauses are {', '.join(sorted(families))}"

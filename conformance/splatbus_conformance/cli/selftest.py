@@ -50,15 +50,15 @@ class Row(NamedTuple):
 
 ROWS = (
     Row("FRM-3", "waits for any length", "if not 1 <= length <= MAX_PAYLOAD:", "if False:"),
-    Row("JSN-8", "takes a name that stands twice", "hook=once", "hook=dict"),
+    Row("JSN-8", "accepts a duplicate name", "hook=once", "hook=dict"),
     Row("POS-1", "leaves w out of rotations", '"xyzw", rotation, strict=True', '"xyz", rotation'),
     Row("POS-3", "sends rotations twice as long", "return position, rotation", TWICE),
     Row("POS-8", "says the time in words", '"timestamp": now', '"timestamp": "noon"'),
     Row("POS-9", "has a clock that runs backwards", '"timestamp": now', '"timestamp": -now'),
     Row("NEG-1", "says something before hello", HELLO, f"{ASKS}; {HELLO}"),
     Row("NEG-2", "says no version in hello", '"versions": VERSIONS, ', ""),
-    Row("REQ-2", "asks for no camera in particular", ', "cam_idx": 0', ""),
-    Row("IMG-12", "gives each frame back twice", RELEASED, f"{RELEASED}; {RELEASED}"),
+    Row("REQ-2", "leaves out which camera it asks for", ', "cam_idx": 0', ""),
+    Row("IMG-12", "releases each frame twice", RELEASED, f"{RELEASED}; {RELEASED}"),
     Row("OPN-1", "says opened twice", OPENED, f"{OPENED}; {OPENED}"),
     Row("REQ-12", "asks for the size again at once", "now + 0.2 if", "now if"),
 )
@@ -78,7 +78,7 @@ def selftest(_: argparse.Namespace, out: Console) -> int:
             line.append(f"{row.does if row else AS_IT_IS}: ")
             line.append(", ".join(f"{name} {it}" for name, it in told.items()) or "nothing broken")
             out.print(line)
-    out.print(f"{good} of {len(ROWS) + 1} are judged as they must be")
+    out.print(f"{good} of {len(ROWS) + 1} are judged correctly")
     return EXIT_CONFORMING if good == len(ROWS) + 1 else EXIT_NOT_CONFORMING
 
 

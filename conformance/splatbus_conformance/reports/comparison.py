@@ -98,8 +98,8 @@ def told(change: Change) -> Iterator[str]:
     where = f"{change.before} to {change.after}"
     for what, ids in (
         ("mended", change.mended),
-        ("broken anew", change.broken),
-        ("not observed any more", change.unseen),
+        ("newly broken", change.broken),
+        ("no longer observed", change.unseen),
     ):
         if ids:
             yield f"{where}: {what}: {', '.join(ids)}"

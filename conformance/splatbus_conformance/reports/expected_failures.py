@@ -57,7 +57,7 @@ def load(path: Path, items: Collection[Item]) -> tuple[Expectation, ...]:
     try:
         given = tomllib.loads(read_text(path))
     except (ValueError, RecursionError) as error:
-        raise ExpectationsError(f"{path} is no TOML: {error}") from None
+        raise ExpectationsError(f"{path} is not TOML: {error}") from None
     entries = given.get("expected", [])
     if set(given) - {"expected"} or not isinstance(entries, list):
         raise ExpectationsError(f"{path}: it may hold [[expected]] tables and nothing else")
@@ -71,10 +71,10 @@ def load(path: Path, items: Collection[Item]) -> tuple[Expectation, ...]:
 def _entry(path: Path, number: int, entry: object, known: set[tuple[str, str]]) -> Expectation:
     where = f"{path}, [[expected]] number {number}"
     if not isinstance(entry, dict) or set(entry) != set(MEMBERS):
-        raise ExpectationsError(f"{where}: it has to have {', '.join(MEMBERS)}, and nothing else")
+        raise ExpectationsError(f"{where}: it needs {', '.join(MEMBERS)}, and nothing else")
     for name in MEMBERS:
         if not (isinstance(entry[name], str) and entry[name].strip()):
-            raise ExpectationsError(f"{where}: {name} has to be a text, and may not be empty")
+            raise ExpectationsError(f"{where}: {name} has to be a text that is not empty")
     found = Expectation(**entry)
     if (found.id, found.check) not in known:
         others = sorted(check for id, check in known if id == found.id)
@@ -105,8 +105,8 @@ def applied(
                 marked[place] = replace(result, verdict=Verdict.EXPECTED, text=text, script="")
             elif result.verdict in CONDEMNS:
                 stale.append(
-                    f"{expectation} fails otherwise than expected: its code is {result.code}, not "
-                    f"{expectation.code}: look at it anew, then correct its entry"
+                    f"{expectation} fails in another way than expected: its code is {result.code}, "
+                    f"not {expectation.code}: look at it again, then correct its entry"
                 )
     return marked, stale
 

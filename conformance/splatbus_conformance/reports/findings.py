@@ -75,7 +75,7 @@ class Traffic:
                 f" and {1000 * self.waiting_seconds / self.delivered:.2f} ms of waiting"
             )
         if self.left_out:
-            text += f"; {self.left_out:,} cases were left out, of which --profile full has more"
+            text += f"; {self.left_out:,} cases were left out; --profile full delivers more"
         if self.device:
             text += f"; device memory: {self.device}"
         return text

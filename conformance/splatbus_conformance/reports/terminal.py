@@ -45,9 +45,9 @@ SHOWN_WITH_BYTES = 5
 """Failures; those after them are told by their sentences and the command that shows them."""
 LEAST_COLUMNS = 20
 TELL_SECONDS = 15.0
+"""How often it is said, where no line can be rewritten, how long the run will take."""
 FORETOLD = 0.05
 """The share of a run that has to be done before it is said how long the rest takes."""
-"""How often it is said, where no line can be rewritten, how long the run will take."""
 _STYLE_OF_END = {EXIT_CONFORMING: "bold green", EXIT_NOT_CONFORMING: "bold red"}
 _VERSION = re.compile(r"\b(\d) (\d)\b")
 _ONE_LINE = Column(no_wrap=True, overflow="ellipsis", ratio=1)
@@ -301,7 +301,7 @@ def print_run(console: Console, report: RunReport) -> None:
     print_complaints(console, report.complaints)
     print_end(console, report.sentence, report.traffic.sentence(report.seconds), report.status)
     if claimed := claim(report):
-        console.print(f"it may be claimed: {claimed}", style="dim")
+        console.print(f"you may claim: {claimed}", style="dim")
 
 
 def print_end(console: Console, sentence: str, more: str, status: int) -> None:

@@ -46,9 +46,8 @@ def missing(
     if not missed:
         return ""
     return (
-        f"Fewer than usual were observed: {', '.join(missed)}, of which the testee has shown what "
-        f"it takes. The machine was busy: the harness itself came up to {late_seconds:.1f} s too "
-        f"late{load}."
+        f"Not observed, though the testee can show them: {', '.join(missed)}. The "
+        f"machine was busy: the harness itself was up to {late_seconds:.1f} s late{load}."
     )
 
 
@@ -66,8 +65,8 @@ def shortfalls(
     found = []
     if version in VERSIONS[: VERSIONS.index(demands.version)]:
         found.append(
-            f"--require-version {demands.version}: the testee speaks {version} alone; nothing that"
-            " it said on either channel is of a later one, such as hello or welcome"
+            f"--require-version {demands.version}: the testee speaks only {version}; it said"
+            " nothing of a later version, such as hello or welcome, on either channel"
         )
     if demands.level > Level.PASSIVE and not seen:
         found.append(f"--require-level {demands.level}: nothing was observed{at}")
@@ -75,7 +74,7 @@ def shortfalls(
         share = count / len(musts)
         found.append(
             f"--require-coverage {demands.coverage:.0%}: {count} of {len(musts)} MUSTs were "
-            f"observed{at}, which is {share:.0%}; the reasons of the skips say what it takes to "
-            "see more"
+            f"observed{at}, which is {share:.0%}; the reasons of the skips say how to see "
+            "more"
         )
     return found

@@ -6,17 +6,17 @@ from typing import NamedTuple
 from splatbus_conformance.verdicts import Level, Result, Verdict
 
 LAYERS = (
-    (("FRM",), "what cannot be cut into packets is not understood"),
+    (("FRM",), "without whole packets nothing is understood"),
     (("JSN",), "a message that cannot be read has no effect"),
     (("CHN", "NEG"), "without its connections a testee shows little"),
     (("INI", "MEM", "OPN", "CUD"), "without memory there are no images"),
 )
 """Clauses that others rest on, lowest first, and why."""
 ROOTS = {
-    "removed-memory": "memory that it has removed is not there for anybody",
-    "wrote-to-memory": "what it writes is shown in place of the images",
-    "unknown-image": "an image that is never given back is the last",
-    "unknown-generation": "memory that is never answered for has no images",
+    "removed-memory": "it removed the memory, so nobody can open it any more",
+    "wrote-to-memory": "it wrote to the memory, where others look for images",
+    "unknown-image": "it does not give an image back, so no other follows",
+    "unknown-generation": "it does not answer for the memory, so no image comes in it",
 }
 """Codes of failures that others come of, and why."""
 PARSER = ("JSN-6", "JSN-7", "JSN-8", "JSN-9", "JSN-10")
@@ -63,10 +63,10 @@ def cause(results: Sequence[Result]) -> Cause | None:
         return Cause(first, frozenset(others), told)
     left = list(dict.fromkeys(it.requirement for it in ordered if it.code == "exits"))
     if len(left) >= MANY:
-        told = f"in {len(left)} failures its process ends, and it has to run until it is ended"
+        told = f"in {len(left)} failures its process ends; it has to run until the harness ends it"
         return Cause(left[0], frozenset(left[1:]), told)
     if len(read := [it for it in PARSER if it in names]) >= MANY:
-        told = f"one parser reads what {', '.join(read)} ask about"
+        told = f"{', '.join(read)} are all about the same parser"
         return Cause(read[0], frozenset(read[1:]), told)
     if not ordered or not _by_itself(ordered[0]) or _rank(ordered[0]) > _RANK["JSN"]:
         return None
@@ -78,7 +78,7 @@ def cause(results: Sequence[Result]) -> Cause | None:
     if above:
         follow.append(f"{_counted(above, 'other failure')} may follow from it")
     if len(unseen) > len(seen):
-        follow.append("it may be why most of the others could not be observed")
+        follow.append("it may be why most requirements could not be observed")
     if not follow:
         return None
     return Cause(first, above, f"{LAYERS[rank][1]}; {', and '.join(follow)}")

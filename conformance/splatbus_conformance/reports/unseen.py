@@ -7,9 +7,9 @@ from splatbus_schemas.requirements import Requirement
 from splatbus_conformance.checks.registry import exclusions, judges
 from splatbus_conformance.verdicts import Result
 
-NOTHING_CAME = "nothing that it is about was seen on the wire"
+NOTHING_CAME = "nothing on the wire was about it"
 NOT_RUN = "its checks did not run; a live run with --profile full runs them all"
-NOWHERE = "no run shows it"
+NOWHERE = "no run can show it"
 
 
 def unseen(

@@ -62,7 +62,7 @@ def test_help_ends_with_examples_and_fits_a_terminal(
 @pytest.mark.parametrize(
     ("line", "told"),
     [
-        ("client --launch x --ports 6001", "two numbers are wanted"),
+        ("client --launch x --ports 6001", "give two numbers"),
         ("client --launch x --ports 6001,6001", "IPC and message need a port each"),
         ("client --launch x --ports 6001,65536", "to 65535"),
         ("client --launch x --ports=-1,6000", "a port is a number from 0"),
@@ -71,7 +71,7 @@ def test_help_ends_with_examples_and_fits_a_terminal(
         ("client --launch x --viewport big", "'big': give a size such as 640x480"),
         ("client --launch ' '", "' ': give a command, such as ./my-viewer"),
         ("client --adapter ''", "'': give a command, such as ./my-viewer"),
-        ("client --launch x --require-coverage 101%", "a whole number of percent is wanted"),
+        ("client --launch x --require-coverage 101%", "give a whole number of percent"),
         ("client --launch x --wait", "not allowed with"),
         ("client", "required"),
         ("client --launch x --select FRM-999", "FRM-999"),
@@ -80,18 +80,21 @@ def test_help_ends_with_examples_and_fits_a_terminal(
         ("client --launch x --record /dev/null/a", "--record: /dev/null/a: Not a directory"),
         ("client --launch x --parallel 0", "'0': give a whole number from 1 on, such as 4"),
         ("client --launch x --within 0m", "'0m': give a time such as 90s"),
-        ("client --launch x --profile soak --within 5m", "as --minutes says"),
-        ("client --wait --stand-in-cuda", "only for what it starts: use --launch or --adapter"),
+        ("client --launch x --profile soak --within 5m", "whose length is --minutes"),
+        (
+            "client --wait --stand-in-cuda",
+            "only in a program that it starts: use --launch or --adapter",
+        ),
         ("clinet --launch x", "did you mean client?"),
         ("client --launch x --profile QUICK", "did you mean quick?"),
         ("audit x.jsonl --peer sever", "did you mean server?"),
         ("audit x.jsonl", "No such file"),
         (f"audit {__file__}", "line 1"),
-        (f"replay {UNITY} --launch x", "say whom it is to be played to"),
+        (f"replay {UNITY} --launch x", "say which one to judge"),
         ("explain FRM3", "did you mean FRM-3?"),
         ("explain FMR-3", "did you mean FRM-3"),
         ("explain FRM", "a clause, with FRM-1, FRM-2"),
-        ("explain zzz", "the families are ACC"),
+        ("explain zzz", "the clauses are ACC"),
     ],
 )
 def test_what_cannot_be_meant_is_refused_and_what_is_near_is_named(line: str, told: str) -> None:
@@ -197,8 +200,8 @@ def test_an_interrupt_ends_with_its_status_wherever_it_comes(tmp_path: Path) -> 
 
 def test_the_selftest_is_a_judge_of_the_judge(monkeypatch: pytest.MonkeyPatch) -> None:
     code, output = run("selftest")
-    assert (code, output.splitlines()[-1]) == (0, "13 of 13 are judged as they must be"), output
+    assert (code, output.splitlines()[-1]) == (0, "13 of 13 are judged correctly"), output
     harmless = selftest.Row("FRM-3", "is as it was", "MAX_PAYLOAD:", "MAX_PAYLOAD :")
     monkeypatch.setattr(selftest, "ROWS", (harmless,))
     code, output = said("selftest")
-    assert (code, output.splitlines()[-1]) == (1, "1 of 2 are judged as they must be"), output
+    assert (code, output.splitlines()[-1]) == (1, "1 of 2 are judged correctly"), output

@@ -132,7 +132,7 @@ def test_a_run_keeps_to_its_time_and_says_what_it_left_out(tmp_path: Path) -> No
     code, output = run(*line, cwd=tmp_path)
     assert code == 0, output
     assert "checks did not run, for the time of --within was up" in output
-    assert "it may be claimed" not in output
+    assert "you may claim" not in output
 
 
 SILENT = f'"{sys.executable}" -c "import time; time.sleep(60)"'
@@ -147,7 +147,7 @@ EXITS = f'"{sys.executable}" -c "raise SystemExit(chr(111)*3)"'
         (["--launch", "/nowhere/my-viewer"], 3, "cannot start the testee"),
         (["--wait", "--ports", "0,0", "--patience", "1"], 3, "nothing connected"),
         (["--launch", GOOD, "--within", "0.1s"], 2, "to meet the testee alone took"),
-        (["--launch", OLD, "--require-version", "1.1", "--select", "FRM-3"], 1, "speaks 1.0 alone"),
+        (["--launch", OLD, "--require-version", "1.1", "--select", "FRM-3"], 1, "speaks only 1.0"),
         (["--launch", GOOD, "--require-version", "1.1", "--select", "FRM-3"], 0, "conforming"),
     ],
     ids=lambda words: str(words)[-30:],

@@ -37,8 +37,8 @@ def test_what_was_mended_and_what_broke_is_told_of_one_testee(folder: Path) -> N
     assert status == 0, output
     told = [line.strip() for line in output.splitlines()]
     assert "1 to 2: mended: FRM-3" in told
-    assert "1 to 2: broken anew: FRM-4" in told
-    assert "1 to 2: not observed any more: JSN-1" in told
+    assert "1 to 2: newly broken: FRM-4" in told
+    assert "1 to 2: no longer observed: JSN-1" in told
     assert not any(line.startswith("2 to 3") for line in told)
     rows = {line.split()[0]: line.split("  ") for line in told if line[3:4] == "-"}
     assert [*rows] == ["FRM-3", "FRM-4", "JSN-1", "JSN-6", "FRM-1"]

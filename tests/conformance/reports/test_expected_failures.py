@@ -61,11 +61,11 @@ def test_a_failure_as_listed_is_forgiven_and_what_is_another_makes_its_entry_sta
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("[[expected]\n", "no TOML: "),
+        ("[[expected]\n", "is not TOML: "),
         ("expected = 1\n", "[[expected]] tables and nothing else"),
         ("else = 1\n", "[[expected]] tables and nothing else"),
-        (LIST.replace('reason = "issue 17"\n', ""), "number 1: it has to have id, check, reason"),
-        (LIST.replace("issue 17", " "), "reason has to be a text, and may not be empty"),
+        (LIST.replace('reason = "issue 17"\n', ""), "number 1: it needs id, check, reason"),
+        (LIST.replace("issue 17", " "), "reason has to be a text that is not empty"),
         (LIST.replace("FRM-3", "FRM-33"), "no check is called FRM-33 check_a; no such id"),
         (LIST.replace("check_a", "check_c"), "FRM-3 is judged by check_a, check_b"),
         (LIST + LIST, "FRM-3 check_a is listed more than once"),

@@ -20,8 +20,8 @@ def test_what_the_testee_could_have_shown_is_named_where_the_machine_was_busy() 
     missed = Result("FRM-4", "check", Level.WIRE, Verdict.SKIP, missed=True)
     found = [*RESULTS, missed, replace(missed, requirement="FRM-1")]
     told = missing(found, JUDGED, 0.13, ", with a load of 9 on 2 processors")
-    assert told.startswith("Fewer than usual were observed: FRM-4, of which")
-    assert "0.1 s too late, with a load of 9 on 2 processors" in told
+    assert told.startswith("Not observed, though the testee can show them: FRM-4. The")
+    assert "0.1 s late, with a load of 9 on 2 processors" in told
     assert missing(RESULTS, JUDGED, 9.0, "") == "", "what it cannot show is not missed"
 
 
@@ -33,7 +33,7 @@ def test_what_the_testee_could_have_shown_is_named_where_the_machine_was_busy() 
         (Thresholds(Level.WIRE, 0.26), "26%: 1 of 4 MUSTs were observed at L1 or above, which is"),
         (Thresholds(Level.WIRE), ""),
         (Thresholds(Level.ADAPTER), "--require-level L2: nothing was observed at L2 or above"),
-        (Thresholds(version="1.1"), "--require-version 1.1: the testee speaks 1.0 alone"),
+        (Thresholds(version="1.1"), "--require-version 1.1: the testee speaks only 1.0"),
     ],
 )
 def test_each_demand_that_is_not_met_is_told(demands: Thresholds, told: str) -> None:

@@ -37,13 +37,13 @@ def test_what_it_sends_comes_first_and_packets_before_messages_before_connection
     [
         (
             [done("CHN-9"), done("INI-13"), sent("FRM-2")],
-            "Start with FRM-2: what cannot be cut into packets is not understood;"
+            "Start with FRM-2: without whole packets nothing is understood;"
             " 2 other failures may follow from it.",
         ),
         (
             [*SKIPS, sent("FRM-2")],
-            "Start with FRM-2: what cannot be cut into packets is not understood;"
-            " it may be why most of the others could not be observed.",
+            "Start with FRM-2: without whole packets nothing is understood;"
+            " it may be why most requirements could not be observed.",
         ),
         ([*SKIPS, *SEEN, sent("FRM-2")], ""),
         ([done("FRM-3"), done("CHN-9")], ""),
@@ -52,18 +52,18 @@ def test_what_it_sends_comes_first_and_packets_before_messages_before_connection
         ([sent("FRM-7", Verdict.WARN), done("CHN-9")], ""),
         (
             [done("JSN-6"), REMOVED],
-            "Start with OPN-10: memory that it has removed is not there for anybody;"
+            "Start with OPN-10: it removed the memory, so nobody can open it any more;"
             " 1 other failure may follow from it.",
         ),
         ([REMOVED], ""),
         (
             [done(name) for name in ("JSN-10", "JSN-6", "JSN-8", "IMG-24")],
-            "Start with JSN-6: one parser reads what JSN-6, JSN-8, JSN-10 ask about.",
+            "Start with JSN-6: JSN-6, JSN-8, JSN-10 are all about the same parser.",
         ),
         (
             [replace(done(name), code="exits") for name in ("JSN-10", "JSN-6", "JSN-8", "CHN-9")],
-            "Start with JSN-10: in 4 failures its process ends, and it has to run until it is"
-            " ended.",
+            "Start with JSN-10: in 4 failures its process ends; it has to run until the harness"
+            " ends it.",
         ),
     ],
     ids=str,

@@ -105,4 +105,4 @@ def require_folder(option: str, path: Path) -> None:
     """Raises Usage if a folder is not there and cannot be made."""
     above = next(it for it in (path, *path.absolute().parents) if it.exists())
     if not (above.is_dir() and os.access(above, os.W_OK)):
-        raise Usage(f"{option} {path}: {above} is no folder that can be written to")
+        raise Usage(f"{option} {path}: {above} is not a folder that can be written to")

@@ -26,7 +26,7 @@ VERDICTS = {
     "harness-error": "no verdict",
     "skip": "not observed",
 }
-LEFT_OUT = "Too long for a summary: {:,} parts more are in the other reports.\n"
+LEFT_OUT = "Too long for a summary: {:,} more parts are in the other reports.\n"
 
 
 def markdown_report(reports: Iterable[Report], most: int = MOST_BYTES) -> str:
@@ -66,7 +66,7 @@ def _parts(report: Report) -> Iterator[str]:
         yield _folded(f"{count['skip']} requirements were not observed", "".join(lines))
     if report["notJudged"]:
         lines = (f"- {code(line)}\n" for line in report["notJudged"])
-        yield _folded("what no rule could judge", "".join(lines))
+        yield _folded("No rule could judge this", "".join(lines))
 
 
 def _circumstances(report: Report) -> str:

@@ -33,14 +33,14 @@ def load(path: Path) -> list[Report]:
     except OSError as error:
         raise Usage(worded(error)) from None
     except ValueError as error:
-        raise Usage(f"{path} is no JSON: {error}") from None
+        raise Usage(f"{path} is not JSON: {error}") from None
     found = islice(validator().iter_errors(document), MOST_FAULTS)
     faults = sorted(found, key=lambda fault: fault.json_path)
     if faults:
         told = "; ".join(f"{it.json_path}: {it.message[:200]}" for it in faults[:SHOWN])
         least = "at least " if len(faults) == MOST_FAULTS else ""
         more = f"; and {least}{len(faults) - SHOWN} more" if len(faults) > SHOWN else ""
-        raise Usage(f"{path} is no report: {told}{more}")
+        raise Usage(f"{path} is not a report: {told}{more}")
     return listed(document)
 
 

@@ -143,7 +143,7 @@ def test_what_there_is_no_room_for_is_counted() -> None:
         made = markdown_report([report], most)
         assert most / 2 < len(made.encode()) <= most
         shown = made.count("### broken")
-        assert f"Too long for a summary: {400 - shown + 1} parts more" in made
+        assert f"Too long for a summary: {400 - shown + 1} more parts" in made
         assert skeleton(made)[-1][0] == "paragraph_close"  # type: ignore[index]
     assert "Too long" not in markdown_report([full_report()] * 9)
 

@@ -59,16 +59,16 @@ def test_it_says_what_the_report_says_in_the_order_in_which_to_mend_it() -> None
         "FRM Framing 3 of 8 observed",
         "Not observed, and why",
         "its checks did not run; a live run with --profile full runs them all FRM-4 , FRM-5",
-        "no run shows it: a socket option of the other side",
+        "no run can show it: a socket option of the other side",
         "no hello JSN-1",
         "left out by --select or --deselect POS-1",
         "3 answers: half within 473 µs, 99% within 20 ms, the slowest 20 ms.",
         "Worst errors",
-        "beyond: it had to be exact 6, 2 beyond",
+        "over budget: it had to be exact 6, 2 over budget",
         "not finite",
         "16.7% of the budget",
         "exact 8",
-        "no clause limits it",
+        "no clause sets a budget",
         f"5 of {len(KNOWN)} requirements",
         "seeds 3, 4 cases 3 in 1.5 s",
         "msg #1: 3 bytes",
@@ -138,7 +138,7 @@ def test_however_much_there_is_it_stays_small_and_says_what_is_left_out(characte
     report["seeds"] = [*range(100_000)]
     text = " ".join(html_report(report, report).split())
     assert len(text.encode()) < MOST_BYTES
-    left_out = ("characters left out", "all of it is in the JSON report", "more demands are not")
+    left_out = ("characters left out", "the JSON report has all of it", "more demands are not")
     assert [each for each in left_out if each not in text] == []
     page = html_report(*[brief(full_report())] * 50)
     assert len(page.encode()) < MOST_BYTES
@@ -220,11 +220,11 @@ def test_bars_are_as_high_as_they_count_and_one_answer_is_to_be_seen() -> None:
     ("worst", "budget", "x", "words"),
     [
         (0.0, 0.0, 0.0, "exact"),
-        (1.0, 0.0, plots.ROW_WIDTH, "beyond: it had to be exact"),
+        (1.0, 0.0, plots.ROW_WIDTH, "over budget: it had to be exact"),
         (None, 3.0, plots.ROW_WIDTH, "not finite"),
         (3.0, 3.0, plots.AT_BUDGET, "100% of the budget"),
         (0.3, 3.0, plots.AT_BUDGET - plots.ROW_WIDTH / 5, "10% of the budget"),
-        (3e-9, 3.0, 0.0, "next to nothing"),
+        (3e-9, 3.0, 0.0, "far below the budget"),
         (60.0, 3.0, plots.ROW_WIDTH, "20 times the budget"),
         (1e308, 5e-324, plots.ROW_WIDTH, "inf times the budget"),
     ],

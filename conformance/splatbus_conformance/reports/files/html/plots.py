@@ -87,11 +87,11 @@ def against(worst: float | None, budget: float) -> str:
     if worst == 0:
         return "exact"
     if budget <= 0:
-        return "beyond: it had to be exact"
+        return "over budget: it had to be exact"
     ratio = worst / budget
     if ratio > 1:
         return f"{digits(ratio)} times the budget"
-    return f"{digits(100 * ratio)}% of the budget" if ratio >= 1e-4 else "next to nothing"
+    return f"{digits(100 * ratio)}% of the budget" if ratio >= 1e-4 else "far below the budget"
 
 
 def duration(seconds: float) -> str:

@@ -13,7 +13,7 @@ HEX = re.compile("([0-9a-f]{2} )*[0-9a-f]{2}( …|$)")
 ID = re.compile("([A-Z]{3}-[0-9]+)")
 BASE64 = re.compile("[A-Za-z0-9+/=]+")
 CODE = re.compile("`([^`]*)`")
-ALL_OF_IT = "all of it is in the JSON report, and of a run with --record in its recordings"
+ALL_OF_IT = "the JSON report has all of it, and so have recordings (--record)"
 
 
 class TranscriptLine(NamedTuple):
