@@ -172,8 +172,8 @@ def weigh(
             silent=f"the images fit {_either(words)}, which other requirements forbid"
         )
     return SurveyFinding(
-        f"the images fit {_either(words)}: so read, {best:.0%} of the points match between two"
-        f" images; as the frames say, {right:.0%} match",
+        f"the images fit {_either(words)}. If so, {best:.0%} of the points match between two"
+        f" images; as the frames say, {right:.0%} do",
         code=guilty.code,
     )
 
