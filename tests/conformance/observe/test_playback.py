@@ -140,6 +140,6 @@ def test_what_was_broken_then_is_found_again_or_not(
 def test_what_cannot_be_played_is_explained(tmp_path: Path) -> None:
     file = tmp_path / "session.jsonl"
     save([Entry(0.0, "msg", 1, "c2s", ASK)], file)
-    for words, told in (([], "client --launch CMD"), (["client"], "the server says nothing")):
+    for words, told in (([], "client --launch CMD"), (["client"], "the server sends nothing")):
         with pytest.raises(Usage, match=told):
             replayed(file, *words, "--launch", "x")
