@@ -111,7 +111,9 @@ class Steering:
             if event.error.code == "busy":
                 self._busy = True
             else:
-                self._later.clear()
+                # Of lenses the newest may have been told before the former was refused.
+                after = [*self._later][-1:] if event.error.pointer == "/intrinsics" else []
+                self._later = deque(after, TAGS_KEPT)
 
     def end(self) -> None:
         """Keep what is unanswered for the next connection."""

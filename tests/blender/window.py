@@ -52,7 +52,7 @@ def screenshots(home: Path) -> Path:
     line += ["--python-use-system-env", "--python-exit-code", "1"]
     line += ["--python", str(PROGRAMS / "window.py"), "--", str(folder), *SHOWN]
     with garden() as where:
-        ours = environment(home, **where, LIBGL_ALWAYS_SOFTWARE="1")
+        ours = environment(home, **where, LIBGL_ALWAYS_SOFTWARE="1", TMPDIR=str(home))
         pipe = subprocess.PIPE
         with subprocess.Popen(
             line, env=ours, stdout=pipe, stderr=pipe, text=True, start_new_session=True

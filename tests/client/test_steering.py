@@ -188,17 +188,24 @@ def test_busy_is_told_until_an_image_with_a_tag_of_ours_comes_or_its_connection_
         with session.next_frame(5) as lease:
             assert lease.camera.tag == tag
     assert (session.status.no_effect, session.status.message.problem) == (None, None)
-    session.send_camera(POSE, tag="ours-2")
-    message.receive()
-    message.send(BUSY | {"code": "invalid_message"})
-    answered(message, session.ask_camera_pose(0))
-    session.send_camera(POSE, tag="ours-3")
-    message.receive()
-    for seq, tag in [(4, "ours-2"), (5, "ours-3")]:
-        assert session.status.message.problem is not None
-        ipc.send(frame(seq, camera=CAMERA | {"tag": tag}))
-        session.next_frame(5).release()
-    assert session.status.message.problem is None
+    seen = iter(range(4, 10))
+    for told, after, wrong in [
+        (("ours-2",), ("ours-3",), {}),
+        (("ours-4", "ours-5"), (), {"pointer": "/intrinsics"}),  # of the former's lens
+    ]:
+        for tag in told:
+            session.send_camera(POSE, tag=tag)
+            message.receive()
+        message.send(BUSY | {"code": "invalid_message"} | wrong)
+        answered(message, session.ask_camera_pose(0))
+        for tag in after:
+            session.send_camera(POSE, tag=tag)
+            message.receive()
+        for tag in (*told, *after):
+            assert session.status.message.problem is not None
+            ipc.send(frame(next(seen), camera=CAMERA | {"tag": tag}))
+            session.next_frame(5).release()
+        assert session.status.message.problem is None
     message.send(BUSY)
     answered(message, session.ask_camera_pose(0))
     assert session.status.no_effect is not None

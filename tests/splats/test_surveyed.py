@@ -60,9 +60,9 @@ def scene() -> Scene:
     ("spoil", "broken", "words"),
     [
         (rightly, None, ""),
-        (lambda c, d, _: (c[::-1], d[::-1]), ROWS, "rows stored top-down or"),
+        (lambda c, d, _: (c[::-1], d[::-1]), ROWS, "rows stored top-down, or a pose in Unity's"),
         (lambda c, d, _: (c[:, ::-1], d[:, ::-1]), ROWS, "columns stored from right to left"),
-        (lambda c, d, _: (c, d[::-1]), ROWS, "rows stored top-down, of depth alone:"),
+        (lambda c, d, _: (c, d[::-1]), ROWS, "rows stored top-down, of depth alone. "),
         (z_buffer, DEPTHS, "values of a z-buffer, from 0 at near to 1 at far"),
         (lambda c, d, _: (c, d * 100), DEPTHS, "depths of which 100 make a scene unit"),
     ],
