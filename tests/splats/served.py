@@ -46,8 +46,8 @@ def serving(*arguments: str | Path, command: tuple[str, ...] = COMMAND) -> Itera
             ports, size = (int(match[1]), int(match[2])), (int(match[3]), int(match[4]))
             yield Server(process, ports, size)
         finally:
-            process.kill()
-            process.communicate()
+            process.terminate()  # which has it remove its memory
+            process.communicate(timeout=SECONDS)
 
 
 @contextmanager

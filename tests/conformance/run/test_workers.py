@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import signal
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -95,7 +96,10 @@ def test_a_worker_that_dies_is_a_harness_error(tmp_path: Path) -> None:
 @POSIX
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGKILL])
 def test_whoever_ends_the_run_ends_every_testee(ending: signal.Signals, tmp_path: Path) -> None:
+    """And takes away what the run has put beside them."""
     folder, change = noting(tmp_path, "str(os.getpid())")
+    files = Path(tempfile.gettempdir())
+    before = {*files.glob("pymp-*")}
     process = start("client", "--launch", broken(tmp_path, change), "--parallel", "3")
     assert eventually(lambda: len(list(folder.iterdir())) >= 3, 60)
     process.send_signal(ending)
@@ -103,6 +107,7 @@ def test_whoever_ends_the_run_ends_every_testee(ending: signal.Signals, tmp_path
     assert process.returncode in (130, -ending), output
     seconds = 60 * (ending == signal.SIGKILL)
     assert eventually(lambda: not any(runs(it.name, tmp_path) for it in folder.iterdir()), seconds)
+    assert eventually(lambda: {*files.glob("pymp-*")} <= before, seconds)
 
 
 @pytest.mark.parametrize("side", SIDES)
