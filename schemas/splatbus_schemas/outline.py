@@ -110,14 +110,16 @@ OTHERS = {
         r"|The usual 1 −|Turning Gaussians|Cameras far from the origin"
         r"|A pose (?:that arrives|crosses)|Where the name of its host|To say nothing is no offence"
         r"|A client that breaks OPN-11|The quaternions q and|What \*lets the server"
-        r"|Control passes on|No `error` is sent there|Until it is gone, a connection"
+        r"|Control passes on|No `error` is sent there"
         r"|A connection that is sent no init packet|The value that there was"
         r"|For the pixel in the top-left corner"
         r"|How depth and alpha follow|Which pixels are covered|\| what happens \||Vectors for"
         r"|\| \| t₀|A restart, as the client"
         r"|```\n +client +server\n +\|(?:=|<--- end)|Each client holds"
     ),
-    "server": re.compile(r"(?:A|An|The|Two|Every|No) (?:client|viewer)s?\b(?![\s\S]*\b[Ss]erver)"),
+    "server": re.compile(
+        r"(?:A|An|The|Two|Every|No) (?:client|viewer)s?\b(?![\s\S]*\b[Ss]erver)|It may ask as often"
+    ),
 }
 """How blocks begin that explain to the other peer alone, or what the reader's part tells, too."""
 
