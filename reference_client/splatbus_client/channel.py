@@ -49,7 +49,9 @@ class Owner(Protocol):
     """Whoever follows the connections of a channel."""
 
     def begin(self) -> Machine: ...  # noqa: D102
-    def handle(self, event: Any) -> None: ...  # noqa: D102
+    def handle(self, event: Any) -> bool | None:
+        """Whether what the event complains of is over already."""
+
     def end(self) -> None: ...  # noqa: D102
 
 
@@ -245,7 +247,8 @@ class Channel:
                 problem = visible(f"the server says {event.error.code}: {event.error.message}")
                 self.status = self.status._replace(problem=problem)
                 self._warn(problem)
-                self._owner.handle(event)
+                if self._owner.handle(event):
+                    self.settle()
                 continue
             if isinstance(event, Negotiated):
                 self.status = self.status._replace(**event._asdict())

@@ -72,6 +72,7 @@ class Steering:
         self._busy = False
         self._tags: deque[str] = deque(maxlen=TAGS_KEPT)
         self._later: deque[str] = deque(maxlen=TAGS_KEPT)
+        self._taken: str | None = None
         self._said: set[str] = set()
 
     def begin(self) -> MessageProtocol:
@@ -89,8 +90,12 @@ class Steering:
             question.ticket = machine.ask(question.request)
         return machine
 
-    def handle(self, event: MessageEvent) -> None:
-        """Give an answer to those who wait for it, and keep what else the server says."""
+    def handle(self, event: MessageEvent) -> bool:
+        """Give an answer to those who wait for it, and keep what else the server says.
+
+        Returns:
+            Whether it complains of a lens in the place of which another was taken already.
+        """
         if isinstance(event, Negotiated):
             for message in self.newest.values():
                 self._say_what_is_lacking(message)
@@ -114,6 +119,8 @@ class Steering:
                 # Of lenses the newest may have been told before the former was refused.
                 after = [*self._later][-1:] if event.error.pointer == "/intrinsics" else []
                 self._later = deque(after, TAGS_KEPT)
+                return after == [self._taken]
+        return False
 
     def end(self) -> None:
         """Keep what is unanswered for the next connection."""
@@ -186,8 +193,8 @@ class Steering:
             Whether what the server complained of last is over: a pose told since was taken, or any
             of ours where it was that another has control.
         """
-        if self._busy and tag in self._tags:
-            self._busy = False
+        if tag in self._tags:
+            self._busy, self._taken = False, tag
         return tag in self._later
 
     def lacks(self, message: Told) -> str | None:

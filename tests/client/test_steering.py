@@ -206,6 +206,10 @@ def test_busy_is_told_until_an_image_with_a_tag_of_ours_comes_or_its_connection_
             ipc.send(frame(next(seen), camera=CAMERA | {"tag": tag}))
             session.next_frame(5).release()
         assert session.status.message.problem is None
+    # Of one that came before the image did, and is read after it.
+    message.send(BUSY | {"code": "invalid_message", "pointer": "/intrinsics"})
+    answered(message, session.ask_camera_pose(0))
+    assert session.status.message.problem is None
     message.send(BUSY)
     answered(message, session.ask_camera_pose(0))
     assert session.status.no_effect is not None
