@@ -73,12 +73,8 @@ READ = {
     "python3.10": (  # mypy's oldest
         *(*LACKING, "--python-version", "3.10", "--cache-dir", ".mypy_cache/3.10", *RENDERERS),
     ),
-    "machine": (
-        *(*PYTHON, "tests.zoo.machine", "--count", "20"),
-        *("--again", "tests/data/machine_mutants.json"),
-    ),
 }
-"""What reads the sources, on one core, and what waits more than it computes."""
+"""What reads the sources, on one core."""
 RUN = {
     "tests": (*PYTHON, "pytest", "--quiet", "-p", "tests.dealer", "--deal", str(3 * CORES)),
     "zoo": (*PYTHON, "tests.zoo"),

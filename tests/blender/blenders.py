@@ -14,7 +14,6 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
 from splatbus_conformance.data import cache_folder
 
@@ -24,12 +23,6 @@ from tests.package.pythons import python
 
 BLENDERS = {"4.2": "3.11", "4.5": "3.11", "5.0": "3.11"}
 """Both LTS and the newest, and the Python that each is made for."""
-SOURCES = (
-    *("reference_client/blender/splatbus_blender", "tests/blender/programs"),
-    "tests/blender/running.py",
-)
-"""What a verdict on the extension is of."""
-TESTED = ("reference_client/blender", "tests/blender")
 _INSTALL_SECONDS = 1800
 _TEST_SECONDS = 3600
 _installing = Lock()
@@ -52,7 +45,7 @@ def installed(version: str) -> str:
     return str(place / "bin" / "python")
 
 
-def tried(version: str, scratch: Path) -> dict[str, Any]:
+def tried(version: str, scratch: Path) -> list[str]:
     """What is wrong by the tests of the extension.
 
     Raises:
@@ -62,7 +55,7 @@ def tried(version: str, scratch: Path) -> dict[str, Any]:
     return passing(words, os.environ | {VARIABLE: installed(version)}, scratch)
 
 
-def passing(words: Sequence[str], variables: Mapping[str, str], scratch: Path) -> dict[str, Any]:
+def passing(words: Sequence[str], variables: Mapping[str, str], scratch: Path) -> list[str]:
     """What is wrong by these tests, of which none may be skipped."""
     line = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-rs", *words]
     done = subprocess.run(
@@ -74,7 +67,7 @@ def passing(words: Sequence[str], variables: Mapping[str, str], scratch: Path) -
         timeout=_TEST_SECONDS,
     )
     told = (done.stderr + done.stdout)[-1000:]
-    return {"wrong": [told] if done.returncode or " skipped" in told else []}
+    return [told] if done.returncode or " skipped" in told else []
 
 
 def _install(version: str, place: Path) -> None:

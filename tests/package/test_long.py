@@ -9,16 +9,17 @@ import pytest
 from tests import long
 from tests.foreign.programs import programs
 
+COMMIT = "c0ffee"
+
 
 @pytest.fixture
 def result(tmp_path, monkeypatch):
     monkeypatch.setattr(long, "RESULT", tmp_path / "results" / "long.json")
-    monkeypatch.setattr(long, "MUTANTS", tmp_path / "results" / "machine.json")
     return long.RESULT
 
 
 def state(**values):
-    return {"commit": "c0ffee", "seconds": 0, "tasks": {}, "mutants": [], **values}
+    return {"commit": COMMIT, "seconds": 0, "tasks": {}, **values}
 
 
 def repository(monkeypatch, **answers):
@@ -34,34 +35,34 @@ def repository(monkeypatch, **answers):
 
 
 def test_everything_is_in_the_plan_and_once():
-    names = [task.name for task in long.plan()]
+    names = [task.name for task in long.plan(COMMIT)]
     count = len(programs("client")) + len(programs("server")) + 6 + 3  # for engines and Blenders
-    assert len(set(names)) == len(names) == 2 * (3 * count + 20 * 4 + 5 * 4) + 3 + 1
+    assert len(set(names)) == len(names) == 2 * (count + 3 * 4 + 4) + 3 + 1
 
 
 def test_a_sitting_ends_in_time_and_the_next_goes_on(result):
     def fails(scratch):
         raise RuntimeError("no report was written")
 
-    tasks = [long.Task(name, lambda scratch: {"wrong": []}) for name in "ab"]
+    tasks = [long.Task(name, lambda scratch: []) for name in "ab"]
     tasks.append(long.Task("c", fails))
     first = state()
     long.sit(list(tasks), first, time.monotonic() - 1, 2)
     assert not result.exists()
     long.sit(tasks, first, time.monotonic() + 60, 2)
-    wrong = {name: it["wrong"] for name, it in json.loads(result.read_text())["tasks"].items()}
-    assert wrong == {"a": [], "b": [], "c": ["no report was written"]}
+    assert json.loads(result.read_text())["tasks"] == {
+        "a": [],
+        "b": [],
+        "c": ["no report was written"],
+    }
 
 
 @pytest.mark.parametrize(
     ("diff", "goes_on"), [("", True), ("conformance/x.py", False), (None, False)]
 )
-def test_what_was_done_counts_for_the_same_sources_and_while_it_is_planned(
-    result, monkeypatch, diff, goes_on
-):
-    name = next(long.plan()).name
-    done = {"wrong": [], "seconds": 1}
-    long.save(state(tasks={name: done, "of other sources": done}))
+def test_what_was_done_counts_for_the_same_sources(result, monkeypatch, diff, goes_on):
+    name = next(long.plan(COMMIT)).name
+    long.save(state(tasks={name: []}))
     repository(monkeypatch, diff=diff, rev_parse="f00d")
     assert set(long.begun()["tasks"]) == ({name} if goes_on else set())
 
@@ -83,9 +84,7 @@ def test_what_is_not_committed_has_no_result(result, monkeypatch, capsys):
 )
 def test_how_far_it_is_behind_is_told(result, monkeypatch, whole, count, told):
     assert "no result" in long.behind()
-    done = {task.name: {"wrong": []} for task in long.plan() if whole}
-    done["planned before, and not now"] = {"wrong": []}
-    long.save(state(tasks=done, judged=whole))
+    long.save(state(tasks={task.name: [] for task in long.plan(COMMIT) if whole}))
     repository(monkeypatch, rev_list=count)
     assert long.behind().startswith(told)
     assert bool(long.behind()) == bool(told)

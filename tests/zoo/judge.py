@@ -4,7 +4,7 @@ import json
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from functools import partial
@@ -22,7 +22,6 @@ from splatbus_conformance.verdicts import (
 from tests.zoo import mutants
 from tests.zoo.faults.patching import Patch
 from tests.zoo.homes import Judge
-from tests.zoo.machine.specimens import MachineMade
 from tests.zoo.mutant import RULE, TRAFFIC, Kind, Specimen
 from tests.zoo.processes import harnesses
 from tests.zoo.registry import REFERENCES, specimen_named
@@ -223,17 +222,10 @@ def cells_of(report: dict[str, Any] | None) -> list[Cell]:
 
 
 def run_harness(
-    specimen: Specimen | MachineMade,
-    select: str,
-    seconds: float = SILENT_SECONDS,
-    more: Sequence[str] = (),
-    environment: dict[str, str] | None = None,
-    main: Callable[[list[str]], int] = harnesses.judge,
-    command: str = "",
+    specimen: Specimen, select: str, more: Sequence[str] = ()
 ) -> tuple[dict[str, Any] | None, int | None, str]:
-    """Judge a specimen by `splatbus-conformance SIDE --launch --select`, which may say nothing for
-    so many seconds; by `--adapter` where there are axes, in which its adapter gives and takes
-    poses.
+    """Judge a specimen by `splatbus-conformance SIDE --launch --select`; by `--adapter` where there
+    are axes, in which its adapter gives and takes poses.
 
     Returns its JSON report, or None if there is none, its exit status, or None if it had to be
     ended, and the last that it printed.
@@ -241,14 +233,12 @@ def run_harness(
     name, side, axes = specimen.name, specimen.side, specimen.axes
     reference = "splatbus_viewer.adapter" if axes else PROGRAMS[side]
     module = reference if specimen in REFERENCES else f"{mutants.__name__} {name}"
-    how, arguments = (
-        ("--adapter", f"--axes {axes}") if axes else ("--launch", command or USUAL[side])
-    )
+    how, arguments = ("--adapter", f"--axes {axes}") if axes else ("--launch", USUAL[side])
     testee = f'"{sys.executable}" -m {module} {arguments}'
     with tempfile.TemporaryDirectory(prefix="splatbus-zoo-") as folder:
         path = Path(folder, "report.json")
         line = ["--plain", side, how, testee, "--select", select, "--json", str(path)]
         line += ["--parallel", "1", "--shrink", "0", "--scripts", folder, *more]
-        status, output = harnesses.run(line, seconds, environment or TOLD.get(name, {}), main)
+        status, output = harnesses.run(line, SILENT_SECONDS, TOLD.get(name, {}))
         report = json.loads(path.read_text("utf-8")) if path.exists() else None
     return report, status, output[-OUTPUT_CHARS:].strip()

@@ -7,7 +7,6 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tests.zoo.homes import HOMES, Home, Judge
-from tests.zoo.machine.specimens import MachineMade, machine_made
 from tests.zoo.mutant import IN_DEVICE_MEMORY, SERVERS, SIDES, Kind, Specimen
 
 HAS_CUDA = find_spec("cuda") is not None
@@ -59,10 +58,8 @@ def groups() -> tuple[Specimen, ...]:
     return tuple(it for it in specimens() if it.members)
 
 
-def specimen_named(name: str) -> Specimen | MachineMade | None:
-    """One that is declared, or made by machine; only the module that declares it is imported."""
-    if made := machine_made(name):
-        return made
+def specimen_named(name: str) -> Specimen | None:
+    """The one of this name; only the module that declares it is imported."""
     names = {name, name.removeprefix(SERVERS), name.removesuffix(IN_DEVICE_MEMORY)}
     spelled = [f"\ndef {it.replace('-', '_')}(" for it in names]
     for module in HOMES:

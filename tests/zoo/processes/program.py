@@ -4,14 +4,13 @@ import importlib
 from collections.abc import Callable
 
 from tests.zoo.faults.patching import Patch
-from tests.zoo.machine.specimens import MachineMade
 from tests.zoo.mutant import Specimen
 
 Program = Callable[[list[str]], int]
 """Takes arguments of a command line, and gives the exit status."""
 
 
-def altered(specimen: Specimen | MachineMade) -> Program:
+def altered(specimen: Specimen) -> Program:
     """Alter this process to the specimen's taste, and give the program that it alters.
 
     That is imported afterwards, if it was not before (`tests.zoo.preload`), and no other is.

@@ -9,13 +9,7 @@
 #include "splatbus/protocol/handle.hpp"
 
 #ifdef _WIN32
-#ifndef NOMINMAX
-#define NOMINMAX
-#endif
-#ifndef WIN32_LEAN_AND_MEAN
-#define WIN32_LEAN_AND_MEAN
-#endif
-#include <windows.h>
+#include "splatbus/text/windows.hpp"
 #else
 #include <dlfcn.h>
 #endif

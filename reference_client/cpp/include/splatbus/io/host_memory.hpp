@@ -13,13 +13,7 @@
 #include "splatbus/io/image_memory.hpp"
 
 #ifdef _WIN32
-#ifndef NOMINMAX
-#define NOMINMAX
-#endif
-#ifndef WIN32_LEAN_AND_MEAN
-#define WIN32_LEAN_AND_MEAN  // or it brings another version of what sockets.hpp includes
-#endif
-#include <windows.h>
+#include "splatbus/text/windows.hpp"
 #else
 #include <fcntl.h>
 #include <sys/mman.h>

@@ -13,12 +13,8 @@
 #include <vector>
 
 #ifdef _WIN32
-#ifndef NOMINMAX
-#define NOMINMAX
-#endif
-#ifndef WIN32_LEAN_AND_MEAN
-#define WIN32_LEAN_AND_MEAN  // winsock2.h brings windows.h, and that no RPC, whose names are anybody's
-#endif
+#include "splatbus/text/windows.hpp"
+
 #include <winsock2.h>
 #include <ws2tcpip.h>
 #ifdef _MSC_VER

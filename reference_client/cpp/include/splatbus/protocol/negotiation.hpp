@@ -14,13 +14,7 @@
 #include "splatbus/text/text.hpp"
 
 #ifdef _WIN32
-#ifndef NOMINMAX
-#define NOMINMAX
-#endif
-#ifndef WIN32_LEAN_AND_MEAN
-#define WIN32_LEAN_AND_MEAN
-#endif
-#include <windows.h>
+#include "splatbus/text/windows.hpp"
 #endif
 
 namespace splatbus {
