@@ -1,30 +1,23 @@
-"""What each requirement meant at a release: `python -m tests.released` writes it down.
-
-By digests, for what is asked at a change is whether a meaning is still the same. What is final has
-no place here: the digests in `spec/final.json` hold all of it.
-"""
+"""`python -m tests.released`: hold what has become final, to the letter."""
 
 import json
-from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
 from splatbus_schemas import VERSIONS, prose
 
-RELEASED = Path(__file__).parent / "spec" / "released.json"
-MEANING = ("level", "binds", "acceptable", "sentence")
+FINAL = Path(__file__).parent / "spec" / "final.json"
 
 
-def meanings(registry: Mapping[str, Any]) -> dict[str, str]:
-    """By id, the start of the SHA-256 of what makes the meaning of a requirement."""
-    return {
-        each["id"]: sha256(json.dumps([each[it] for it in MEANING]).encode()).hexdigest()[:16]
-        for each in registry["requirements"]
-    }
+def digests(version: str) -> dict[str, str]:
+    """The SHA-256 of each chapter of a version, of its requirements and of its schemas."""
+    registry = prose.registry_path(version)
+    held = (*prose.chapters(version), registry, *registry.parent.glob("*.schema.json"))
+    return {it.name: sha256(it.read_bytes()).hexdigest() for it in held}
 
 
 if __name__ == "__main__":
-    collected = {version: prose.collect(version) for version in VERSIONS}
-    open_ones = {k: meanings(it) for k, it in collected.items() if it["status"] != "final"}
-    RELEASED.write_text(json.dumps(open_ones, indent=1) + "\n", "utf-8")
+    stored = json.loads(FINAL.read_text("utf-8"))
+    final = [it for it in VERSIONS if prose.collect(it)["status"] == "final"]
+    stored |= {version: digests(version) for version in final if version not in stored}
+    FINAL.write_text(json.dumps(stored, indent=1) + "\n", "utf-8")

@@ -109,7 +109,7 @@ OTHERS = {
         r"(?:A|An|The|Two|Every|No) (?:server|renderer)s?\b(?![\s\S]*\b[Cc]lient)"
         r"|The usual 1 −|Turning Gaussians|Cameras far from the origin"
         r"|A pose (?:that arrives|crosses)|Where the name of its host|To say nothing is no offence"
-        r"|A client that breaks OPN-11|The quaternions q and|What \*lets the server"
+        r"|A client that breaks OPN-11|The quaternions q and"
         r"|Control passes on|No `error` is sent there"
         r"|A connection that is sent no init packet|The value that there was"
         r"|For the pixel in the top-left corner"

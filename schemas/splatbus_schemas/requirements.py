@@ -27,11 +27,6 @@ class Requirement:
     chapter: str
 
 
-def status(version: str) -> str:
-    """How far the text of a version has come: `candidate 2`, say, or `final`."""
-    return str(read_json(version, "requirements.json")["status"])
-
-
 @cache
 def requirements(version: str) -> Mapping[str, Requirement]:
     """Every requirement that applies in `version`, by id, in the order of the chapters.

@@ -1,6 +1,5 @@
 """What may be claimed of a program after a run (spec 1.1 section 10.4)."""
 
-from splatbus_schemas.requirements import status
 from splatbus_schemas.version import installed_version
 
 from splatbus_conformance.reports.run_report import RunReport
@@ -17,7 +16,7 @@ def claim(report: RunReport) -> str | None:
         return None
     version, seeds = report.traffic.version, ", ".join(map(str, report.seeds))
     return (
-        f"conforms to SplatBus {version} {status(version)} as a {report.side}, "
+        f"conforms to SplatBus {version} as a {report.side}, "
         f"judged by splatbus-conformance {installed_version()}, profile {report.profile}, "
         f"seed {seeds}, at {reached(report.results)}"
     )

@@ -46,9 +46,14 @@ def missing(
     if not missed:
         return ""
     return (
-        f"Not observed, though the testee can show them: {', '.join(missed)}. The "
-        f"machine was busy: the harness itself was up to {late_seconds:.1f} s late{load}."
+        f"Not observed, though the testee can show them: {', '.join(missed)}. "
+        f"{was_busy(late_seconds, load)}."
     )
+
+
+def was_busy(late_seconds: float, load: str) -> str:
+    """That the machine was, in words."""
+    return f"The machine was busy: the harness itself was up to {late_seconds:.1f} s late{load}"
 
 
 def shortfalls(

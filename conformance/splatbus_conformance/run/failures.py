@@ -21,12 +21,13 @@ Say = Callable[[str], None]
 
 
 def work_out(
-    plan: Plan, results: Sequence[Result], folder: Path, seconds: float, say: Say
+    plan: Plan, results: Sequence[Result], folder: Path, seconds: float, say: Say, busy: str = ""
 ) -> list[Result]:
     """The results, the failures among them with what is known now; none of them becomes less.
 
     Where the harness can start new testees, each is delivered again to one, and then with ever
-    smaller cases, for so many seconds in all; each is written into the folder as a script.
+    smaller cases, for so many seconds in all; each is written into the folder as a script. If the
+    machine was `busy`, in words, that is said of those that were not seen again.
     """
     broken = (Verdict.FAIL, Verdict.WARN)
     failed = [place for place, it in enumerate(results) if it.script and it.verdict in broken]
@@ -47,7 +48,7 @@ def work_out(
         except OSError as error:
             say(diagnostics.scripts_not_written(str(folder), error))
             break
-        told[place] = _with(results[place], script, path, plan, why_not)
+        told[place] = _with(results[place], script, path, plan, why_not, busy)
     return told
 
 
@@ -83,7 +84,9 @@ def _seen_again(
     return made, "--shrink's time was up"
 
 
-def _with(result: Result, script: Script, path: Path, plan: Plan, why_not: str) -> Result:
+def _with(
+    result: Result, script: Script, path: Path, plan: Plan, why_not: str, busy: str
+) -> Result:
     cases = [case for row in script.cases for case in row]
     many = {0: "no special input is needed", 1: "one case"}.get(len(cases), f"{len(cases)} cases")
     if len(cases) == 1 and cases[0].drawn:
@@ -93,15 +96,16 @@ def _with(result: Result, script: Script, path: Path, plan: Plan, why_not: str) 
         result,
         text=script.seen if script.again and not script.by_rule else result.text,
         evidence=script.transcript or result.evidence,
-        smallest=f"{many}; {_how_often(script, why_not)}",
+        smallest=f"{many}; {_how_often(script, why_not, busy)}",
         replay=f"splatbus-conformance replay {shlex.quote(str(path))} {options}",
     )
 
 
-def _how_often(script: Script, why_not: str) -> str:
+def _how_often(script: Script, why_not: str, busy: str) -> str:
     if not script.tried:
         return f"not tried again: {why_not}"
-    return f"tried again {_times(script.tried)}, seen {_times(script.again)}"
+    doubt = f". {busy}: judge it again on a quieter one" if busy and not script.again else ""
+    return f"tried again {_times(script.tried)}, seen {_times(script.again)}{doubt}"
 
 
 def _times(count: int) -> str:

@@ -16,7 +16,7 @@ from splatbus_conformance.reports.files.as_json import json_report
 from splatbus_conformance.reports.findings import Findings, Traffic
 from splatbus_conformance.reports.run_report import RunReport, summary
 from splatbus_conformance.reports.terminal import LiveProgress, print_run
-from splatbus_conformance.reports.thresholds import missing, observed, shortfalls
+from splatbus_conformance.reports.thresholds import missing, observed, shortfalls, was_busy
 from splatbus_conformance.reports.unseen import unseen
 from splatbus_conformance.run.failures import work_out
 from splatbus_conformance.run.options import RunOptions, selectable_on
@@ -34,6 +34,8 @@ from splatbus_conformance.verdicts import (
     reached,
 )
 
+LATE_SECONDS = 1.0
+"""A harness that was so late may have taken for a failure what was none."""
 REPORT_SECONDS, REPORT_SHARE = 5.0, 0.1
 """What a run that has a time to keep to leaves of it for what follows the checks."""
 
@@ -117,7 +119,8 @@ def _report(
     judged = traffic.judged(plan.side)
     found = findings.results(plan)
     results, stale = expected_failures.applied(found, wishes.expectations)
-    results = work_out(plan, results, wishes.scripts, wishes.shrink_seconds, out.print)
+    busy = was_busy(traffic.late_seconds, _load()) if traffic.late_seconds > LATE_SECONDS else ""
+    results = work_out(plan, results, wishes.scripts, wishes.shrink_seconds, out.print, busy)
     level = wishes.demands.level
     ended = "" if observed(results, judged) else traffic.ended
     if ended:

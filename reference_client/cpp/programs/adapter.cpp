@@ -49,7 +49,7 @@ class Adapter {
     out_.name("client");
     out_.begin_object();
     out_.member("name", "splatbus-cpp");
-    out_.member("version", "0.1.0");
+    out_.member("version", "0.2.0");
     out_.end_object();
     out_.member("axes", axes_);
     out_.member("unitsPerMetre", std::int64_t{axes_ == "unreal" ? 100 : 1});

@@ -54,7 +54,7 @@ namespace SplatBus.Adapter
             Writer.Name("client");
             Writer.BeginObject();
             Writer.Member("name", "splatbus-csharp");
-            Writer.Member("version", "0.1.0");
+            Writer.Member("version", "0.2.0");
             Writer.EndObject();
             Writer.Member("axes", "unity");
             Writer.Member("unitsPerMetre", 1);

@@ -15,7 +15,7 @@ namespace SplatBus
         /// <summary>Of the program, for the server's log.</summary>
         public string Name { get; set; } = "splatbus-csharp";
         /// <summary>Of the program, for the server's log.</summary>
-        public string Version { get; set; } = "0.1.0";
+        public string Version { get; set; } = "0.2.0";
 
         /// <summary>What the environment says, and what is usual where it says nothing [CHN-2, NEG-21].</summary>
         /// <exception cref="ArgumentException">A port is no number from 1 to 65,535.</exception>

@@ -70,8 +70,10 @@ namespace SplatBus
         public const int MaxSlots = 1024;
         /// <summary>Time within which an idle client is sent a newer image, in seconds [IMG-11, IMG-25].</summary>
         public const int FrameSeconds = 5;
-        /// <summary>Time for which a server reads on after it has ended its side, in seconds [NEG-34].</summary>
+        /// <summary>Time for which a server reads on at most after it has ended its side, in seconds [NEG-34].</summary>
         public const int LastWordsSeconds = 5;
+        /// <summary>Time for which a server reads on at least after it has ended its side, if the client does not end its own, in seconds [NEG-34].</summary>
+        public const int LastWordsLeastSeconds = 1;
         /// <summary>Longest tag of a pose, in characters [CAM-1].</summary>
         public const int MaxTagChars = 64;
         /// <summary>Smallest focal length in pixels, and clipping plane in scene units [CAM-4].</summary>

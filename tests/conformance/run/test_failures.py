@@ -59,6 +59,7 @@ def told(
     cases: list[int],
     seconds: float = 1000.0,
     plan: Plan = PLAN,
+    busy: str = "",
 ) -> tuple[list[Result], list[tuple[str, int]]]:
     """What comes of failures with so many cases each, and the scripts that were delivered: the
     requirement, and how many cases.
@@ -84,7 +85,7 @@ def told(
     testbed = SimpleNamespace(introduce=introduce, close=lambda: None)
     monkeypatch.setattr(failures, "set_up", lambda plan: testbed)
     results = [failure(number, count) for number, count in enumerate(cases, 1)]
-    found = work_out(plan, results, folder, seconds, lambda text: None)
+    found = work_out(plan, results, folder, seconds, lambda text: None, busy)
     assert [it.verdict for it in found] == [Verdict.FAIL] * len(cases)
     return found, delivered
 
@@ -102,6 +103,14 @@ def told(
             + ["2 cases; not tried again: --shrink's time was up"],
         ),
         (never, [1], {}, ["one case; tried again 3 times, seen never"]),
+        (
+            *(never, [1], {"busy": "It was late"}),
+            [
+                "one case; tried again 3 times, seen never. "
+                "It was late: judge it again on a quieter one"
+            ],
+        ),
+        (always, [1], {"busy": "It was late"}, ["one case; tried again 3 times, seen 3 times"]),
         (now_and_then(), [2], {}, ["2 cases; tried again 3 times, seen 2 times"]),
         (with_a_7, [9], {}, ["one case; tried again 3 times, seen 3 times"]),
         (always, [1], {"seconds": 0.0}, ["one case; not tried again: --shrink 0 leaves no time"]),

@@ -76,8 +76,10 @@ inline constexpr std::int64_t max_shm_name_chars = 30;
 inline constexpr std::int64_t max_slots = 1024;
 /// Time within which an idle client is sent a newer image, in seconds [IMG-11, IMG-25].
 inline constexpr std::int64_t frame_seconds = 5;
-/// Time for which a server reads on after it has ended its side, in seconds [NEG-34].
+/// Time for which a server reads on at most after it has ended its side, in seconds [NEG-34].
 inline constexpr std::int64_t last_words_seconds = 5;
+/// Time for which a server reads on at least after it has ended its side, if the client does not end its own, in seconds [NEG-34].
+inline constexpr std::int64_t last_words_least_seconds = 1;
 /// Longest tag of a pose, in characters [CAM-1].
 inline constexpr std::int64_t max_tag_chars = 64;
 /// Smallest focal length in pixels, and clipping plane in scene units [CAM-4].

@@ -1,5 +1,6 @@
 """Checks on `error`, and on which of several faults it is about (spec 1.1 section 2.5)."""
 
+import time
 from random import Random
 from typing import NamedTuple
 
@@ -206,12 +207,17 @@ def check_ends_in_good_order(trial: ServerTrial) -> None:
     """
     lingering: list[Connection] = []
     for channel in trial.each(CHANNELS):
-        connection = trial.before_hello(channel)
-        dealings = trial.with_(connection)
         wrong = hello(trial.viewer.capabilities[channel], trial.viewer.token)
-        connection.send(packet(encode(wrong | {"versions": ["4000.0"]})) + AFTERWARDS)
-        trial.ends(connection)
-        codes = dealings.errors()
+        for _ in range(IN_TIME):
+            connection = trial.before_hello(channel)
+            until = time.monotonic() + LIMITS["last_words_least_seconds"]
+            connection.send(packet(encode(wrong | {"versions": ["4000.0"]})) + AFTERWARDS)
+            trial.ends(connection)
+            if not connection.ended or time.monotonic() < until:  # until then the server reads on
+                break
+        else:
+            continue
+        codes = trial.with_(connection).errors()
         what = f"{channel}: a hello of another version, and {len(AFTERWARDS):,} bytes after it"
         if not (codes or connection.ended == "reset"):
             continue
@@ -219,10 +225,10 @@ def check_ends_in_good_order(trial: ServerTrial) -> None:
         told = f"{what}: the connection was {connection.ended}"
         trial.expect(connection.ended == "eof", code, told)
         for _ in range(3):
-            taken = connection.push(b" " * 1024)
+            reads = connection.push(b" " * 1024) is not None or time.monotonic() > until
             trial.rest(GLANCE_SECONDS)
             told = f"{what}: after the error the server reads no more, and resets the connection"
-            trial.expect(taken is not None, "stops-reading", told)
+            trial.expect(reads, "stops-reading", told)
         lingering.append(connection)
     if not lingering:
         trial.not_observable("the server sends no error after which it closes")
@@ -235,6 +241,8 @@ def check_ends_in_good_order(trial: ServerTrial) -> None:
 
 
 LAST_WORDS_SECONDS: float = LIMITS["last_words_seconds"] + LIMITS["close_seconds"]
+IN_TIME = 4
+"""Tries to learn of the end while the server still reads: a busy machine makes the harness late."""
 AFTERWARDS = packet(encode(VIEWPORT_REQUEST)) * 8000
 OF_ANOTHER = "a pose of a second client"
 MANY = 200

@@ -28,7 +28,7 @@ struct ClientOptions {
   std::optional<std::string> token;
   /// Of the program, for the server's log.
   std::string name = "splatbus-cpp";
-  std::string version = "0.1.0";
+  std::string version = "0.2.0";
 
   /// What the environment says, and what is usual where it says nothing [CHN-2, NEG-21]. A port that is
   /// no number is 0, and the client says so when it would connect.
