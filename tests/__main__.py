@@ -76,7 +76,7 @@ READ = {
 }
 """What reads the sources, on one core."""
 RUN = {
-    "tests": (*PYTHON, "pytest", "--quiet", "-p", "tests.dealer", "--deal", str(3 * CORES)),
+    "tests": (*PYTHON, "pytest", "--quiet", "-p", "tests.dealer", "--deal", str(4 * CORES)),
     "zoo": (*PYTHON, "tests.zoo"),
 }
 """What runs them, on all cores that are left."""

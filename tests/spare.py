@@ -6,7 +6,7 @@ from pathlib import Path
 STAT = Path("/proc/stat")
 IDLE, WAITS_FOR_DISK = 4, 5
 """Fields of its first line."""
-SPARE = 0.1
+SPARE = 0.05
 """The share of all processors from which on they had time."""
 LOOK_SECONDS = 1.0
 

@@ -19,7 +19,7 @@ from tests.zoo.processes import harnesses
 from tests.zoo.registry import HAS_CUDA, groups, mutants, specimens
 
 CORES = os.cpu_count() or 1
-WHOLE, SELECTED, MORE = 7 * CORES, 4 * CORES, 8 * CORES
+WHOLE, SELECTED, MORE = 7 * CORES, 5 * CORES, 12 * CORES
 """At a time: runs of all checks; beside them runs of one or two, which are over sooner; and of
 these so many more while the machine has time."""
 Judging = Callable[[Specimen], SpecimenResult]
