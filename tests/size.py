@@ -15,17 +15,19 @@ from splatbus_schemas.requirements import requirements
 
 ROOT = Path(__file__).resolve().parents[1]
 CEILINGS = {
-    "conformance": 305_100,
-    "tests": 451_400,
-    "schemas": 38_560,
-    "reference_server": 69_500,
-    "reference_client": 56_000,
+    "conformance": 305_060,
+    "tests": 434_620,
+    "schemas": 38_500,
+    "reference_server": 69_450,
+    "reference_client": 55_920,
     "benchmarks": 32_700,
 }
 SENTENCES = 283
 """Of the standard, when these were the ceilings."""
 PER_SENTENCE = dict.fromkeys(CEILINGS, 50) | {"conformance": 200, "tests": 150, "benchmarks": 0}
 """What each that is new since may bring to a part."""
+F_STRING = ("FSTRING_START", "FSTRING_END")
+"""Between which Python 3.12 and later see what is one token before."""
 LAYOUT = frozenset(
     {
         *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
@@ -48,8 +50,13 @@ def sizes() -> Counter[str]:
 
 def tokens(path: Path) -> int:
     """Those of a file. Raises OSError, SyntaxError and tokenize.TokenError."""
+    found = within = 0
     with path.open("rb") as file:
-        return sum(it.type not in LAYOUT for it in tokenize.tokenize(file.readline))
+        for it in tokenize.tokenize(file.readline):
+            begins, ends = (it.type == getattr(tokenize, name, None) for name in F_STRING)
+            found += it.type not in LAYOUT and not within
+            within += begins - ends
+    return found
 
 
 def main() -> int:

@@ -6,6 +6,7 @@ Source: 1.0 section 3.1 [CHN-2], 1.1 section 2.4 [NEG-2, NEG-21].
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +17,8 @@ _HOST = FRAMING["defaultHost"]
 _CHANNELS = FRAMING["channels"]
 
 TOKEN_VARIABLE = "SPLATBUS_TOKEN"
+_SURROGATE = re.compile("[\ud800-\udfff]")
+"""What Python makes of bytes of a variable that are not UTF-8."""
 
 
 class Settings(NamedTuple):
@@ -53,12 +56,14 @@ def settings(
         least_port: 0 where the system may choose one, as for a server.
 
     Raises:
-        ValueError: a port or the token is out of its range, or both ports are one; the message
-            names the variable that it came from, if it did.
+        ValueError: a port or the token is out of its range, the token is no text, or both ports are
+            one; the message names the variable that it came from, if it did.
     """
     token = token or environment.get(TOKEN_VARIABLE) or None
     if token is not None and len(token) > LIMITS["max_token_chars"]:
         raise ValueError(f"a token has at most {LIMITS['max_token_chars']} characters [NEG-2]")
+    if token is not None and _SURROGATE.search(token):
+        raise ValueError("the token is not UTF-8 [NEG-2]")
     chosen = Settings(
         host or environment.get(_HOST["environment"]) or _HOST["value"],
         _port(ipc_port, _CHANNELS["ipc"], environment, least_port),
@@ -84,6 +89,8 @@ def read_token(path: Path) -> str:
         mode, token = path.stat().st_mode, path.read_text("utf-8").strip()
     except OSError as error:
         raise ValueError(f"cannot read {path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError(f"{path} is not UTF-8 [NEG-2]") from None
     if os.name == "posix" and mode & 0o077:
         raise ValueError(f"others than you can read {path}: run chmod 600 {path} [NEG-21]")
     if not token:

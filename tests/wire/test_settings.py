@@ -43,9 +43,10 @@ def test_a_bad_port_that_was_given_is_refused(ports, told):
         settings(None, *ports, environment={})
 
 
-def test_a_token_that_no_hello_can_carry_is_refused():
+@pytest.mark.parametrize("token", ["x" * 257, "caf\udce9"])
+def test_a_token_that_no_hello_can_carry_is_refused(token):
     with pytest.raises(ValueError, match="NEG-2"):
-        settings(token="x" * 257, environment={})
+        settings(environment={"SPLATBUS_TOKEN": token})
 
 
 def test_a_token_is_read_without_the_space_around_it(tmp_path):
@@ -64,8 +65,10 @@ def test_a_token_that_others_can_read_is_refused(tmp_path):
         read_token(path)
 
 
-def test_an_empty_token_file_is_refused(tmp_path):
+@pytest.mark.parametrize(("held", "told"), [(b"", "no token"), (b"caf\xe9", "token is not UTF-8")])
+def test_a_token_file_without_a_token_is_refused(tmp_path, held, told):
     path = tmp_path / "token"
     path.touch(0o600)
-    with pytest.raises(ValueError, match="no token"):
+    path.write_bytes(held)
+    with pytest.raises(ValueError, match=told):
         read_token(path)
