@@ -78,7 +78,7 @@ def test_a_decimal_comma_is_told_as_one() -> None:
     _, (fault,) = read(b'{"note":"a:1,5","x":-0,25}')
     assert fault.text == "no JSON: -0,25 is no number: a point is wanted for the comma"
     _, (fault,) = read(b'{"note":"a:1,5",}')
-    assert "comma" not in fault.text
+    assert "a point is wanted" not in fault.text
 
 
 @pytest.mark.parametrize("spelling", ["1.5", "-0", "1e-7", "9.9999999778196309e21", "0"])
