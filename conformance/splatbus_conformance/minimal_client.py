@@ -68,9 +68,10 @@ def read(payload):
             parse_constant=finite,
         )
         json.dumps(value, ensure_ascii=False).encode()  # refuses half a pair of surrogates
+        deep = depth_of(value) > MAX_DEPTH
     except (ValueError, RecursionError):
         return None
-    return value if isinstance(value, dict) and depth_of(value) <= MAX_DEPTH else None
+    return value if isinstance(value, dict) and not deep else None
 
 
 def once(pairs):
