@@ -6,7 +6,6 @@ Source: 1.0 section 3.1 [CHN-2], 1.1 section 2.4 [NEG-2, NEG-21].
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,8 +16,6 @@ _HOST = FRAMING["defaultHost"]
 _CHANNELS = FRAMING["channels"]
 
 TOKEN_VARIABLE = "SPLATBUS_TOKEN"
-_SURROGATE = re.compile("[\ud800-\udfff]")
-"""What Python makes of bytes of a variable that are not UTF-8."""
 
 
 class Settings(NamedTuple):
@@ -62,8 +59,10 @@ def settings(
     token = token or environment.get(TOKEN_VARIABLE) or None
     if token is not None and len(token) > LIMITS["max_token_chars"]:
         raise ValueError(f"a token has at most {LIMITS['max_token_chars']} characters [NEG-2]")
-    if token is not None and _SURROGATE.search(token):
-        raise ValueError("the token is not UTF-8 [NEG-2]")
+    try:
+        (token or "").encode()
+    except UnicodeEncodeError:
+        raise ValueError("the token is not UTF-8 [NEG-2]") from None
     chosen = Settings(
         host or environment.get(_HOST["environment"]) or _HOST["value"],
         _port(ipc_port, _CHANNELS["ipc"], environment, least_port),

@@ -231,7 +231,7 @@ def check_ends_in_good_order(trial: ServerTrial) -> None:
             trial.expect(reads, "stops-reading", told)
         lingering.append(connection)
     if not lingering:
-        trial.not_observable("the server sends no error after which it closes")
+        trial.not_observable("no error after which the server closes came, or none in time")
     if trial.profile != "brief":
         gone = trial.wait(
             lambda: all(it.push(b" ") is None for it in lingering), LAST_WORDS_SECONDS
