@@ -33,12 +33,13 @@ def told(path: Path) -> list[tuple[str, str, str]]:
 
 
 def runs(pid: str, folder: Path) -> bool:
-    """Whether this is still the number of a testee from there: the system gives it to others."""
+    """Whether this is the number of a testee from there that has not ended: the system gives it to
+    others, and what has ended keeps it, without a command, until somebody asks after it.
+    """
     try:
-        command = Path("/proc", pid, "cmdline").read_bytes()
+        return bytes(folder) in Path("/proc", pid, "cmdline").read_bytes()
     except OSError:
         return False
-    return not command or bytes(folder) in command
 
 
 def noting(tmp_path: Path, what: str) -> tuple[Path, tuple[str, str]]:
