@@ -35,11 +35,11 @@ ROOT = Path(__file__).resolve().parents[1]
 REPORT = "report.json"
 RESULT = ROOT / "tests" / "results" / "long.json"
 SOURCES = (
-    *("conformance", "schemas", "reference_client", "reference_server", "tests"),
+    *("conformance", "schemas", "reference_client", "reference_server"),
+    *("tests/blender", "tests/engines", "tests/foreign", "tests/long.py"),
     *(f":(exclude){each}" for each in ("*.md", "*.png", "*.jpg", "*durations.json")),
-    ":(exclude)tests/results",
 )
-"""A result is of these."""
+"""A result is of these: what it judges, and by what."""
 WINE = "tests/engines/under_wine.py"
 ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl", "opengl device")}
 """The clients for engines, each in folders of its own, and the axes of their adapters."""
