@@ -1,4 +1,4 @@
-"""How many instances of a testee do well beside each other on this machine."""
+"""How many instances of a testee do well beside each other on this machine, as busy as it is."""
 
 import math
 import os
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.trials.testee.client_probe import SLOW_SECONDS
-from splatbus_conformance.trials.testee.os_evidence import PROC, members
+from splatbus_conformance.trials.testee.os_evidence import PROC, members, wanted_seconds
 
 MOST, MOST_SLOW = 6, 18
 """More than cores: most of the time a check waits; most of all for one that takes its time."""
@@ -17,32 +17,25 @@ SHARE_OF_CORES, SHARE_OF_MEMORY = 0.5, 0.5
 
 
 def at_a_time(testbed: Testbed) -> int:
-    """How many instances to judge at a time: one, where what they take cannot be seen."""
+    """How many instances to judge at a time: one, where what they take cannot be seen.
+
+    What one wants of the processors counts, and not what it gets: the busier the machine is with
+    other work, the fewer there are.
+    """
     group = testbed.testee.group
     if group is None:
         return 1
     testbed.testee.ensure_running()
-    before = _cpu_seconds(group)
+    before = wanted_seconds(group)
     testbed.peer.pump(GLANCE_SECONDS)
-    busy, resident = (_cpu_seconds(group) - before) / GLANCE_SECONDS, _resident_bytes(group)
-    if not resident:
+    busy, resident = (wanted_seconds(group) - before) / GLANCE_SECONDS, _resident_bytes(group)
+    if not (before and resident):
         return 1
     by_cores = SHARE_OF_CORES * (os.cpu_count() or 1) / max(busy, 0.01)
     by_memory = SHARE_OF_MEMORY * _free_bytes() / resident
     by_device = SHARE_OF_MEMORY * testbed.device.fits() if testbed.device else math.inf
     most = MOST_SLOW if testbed.facts.waited_for >= SLOW_SECONDS else MOST
     return max(1, int(min(most, by_cores, by_memory, by_device)))
-
-
-def _cpu_seconds(group: int) -> float:
-    """What the processes of a group have used of processors."""
-    if sys.platform == "win32":
-        return 0.0
-    ticks = 0
-    for pid in members(group):
-        fields = _read(PROC / str(pid) / "stat").rpartition(")")[2].split()
-        ticks += int(fields[11]) + int(fields[12]) if len(fields) > 12 else 0
-    return ticks / float(os.sysconf("SC_CLK_TCK")) if ticks else 0.0
 
 
 def _resident_bytes(group: int) -> int:

@@ -56,15 +56,25 @@ def delays(pid: int | None) -> dict[int, float]:
     """How long each thread of a process, and of those that it has started, was ready to run while
     the processors were others', in seconds, by its id; nothing where that is not shown.
     """
-    found: dict[int, float] = {}
+    return {thread: waited for thread, _, waited in _scheduled(pid)}
+
+
+def wanted_seconds(pid: int) -> float:
+    """For how long a processor was wanted by the threads of a process, and of those that it has
+    started: they had one, or waited for it; 0 where that is not shown.
+    """
+    return sum(ran + waited for _, ran, waited in _scheduled(pid))
+
+
+def _scheduled(pid: int | None) -> Iterator[tuple[int, float, float]]:
+    """Each thread: its id, and for how many seconds it has run, and has waited to run."""
     left = [] if pid is None else [str(pid)]
     while left:
         with contextlib.suppress(OSError):
             for task in (PROC / left.pop() / "task").iterdir():
                 if len(told := _words(task / "schedstat")) > 1:
-                    found[int(task.name)] = int(told[1]) / 1e9
+                    yield int(task.name), int(told[0]) / 1e9, int(told[1]) / 1e9
                 left += _words(task / "children")
-    return found
 
 
 def _words(path: Path) -> list[str]:

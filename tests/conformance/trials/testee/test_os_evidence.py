@@ -10,7 +10,13 @@ from contextlib import contextmanager
 
 import pytest
 from splatbus_conformance.images.memory.host import HostMemory
-from splatbus_conformance.trials.testee.os_evidence import delays, holders, owner, writers
+from splatbus_conformance.trials.testee.os_evidence import (
+    delays,
+    holders,
+    owner,
+    wanted_seconds,
+    writers,
+)
 
 from tests.waiting import eventually
 
@@ -93,5 +99,7 @@ def test_a_process_that_is_kept_from_running_is_seen_to_be_delayed() -> None:
             os.sched_setaffinity(pid, processor)
         before = delays(first.pid)[started]
         assert eventually(lambda: delays(first.pid)[started] > before + 0.2)
+        assert eventually(lambda: wanted_seconds(first.pid) > sum(delays(first.pid).values()) + 0.2)
         os.kill(started, signal.SIGKILL)
     assert delays(first.pid) == delays(None) == {}
+    assert not wanted_seconds(first.pid)
