@@ -24,7 +24,7 @@ SHAPE = (3, 2)
 BLACK = np.zeros((*SHAPE, 3), np.float32)
 LEAST = np.float32(1 / 255)
 SPECIAL = [
-    *(0.0, -0.0, np.inf, np.nan, 1e-45, float(LARGEST), float(LEAST)),
+    *(0.0, -0.0, np.inf, np.nan, 2.0**-149, float(LARGEST), float(LEAST)),
     *(float(np.nextafter(LEAST, np.float32(end))) for end in (0, 1)),
 ]
 NUMBERS = st.one_of(st.floats(width=32), st.floats(0.0, 1.0, width=32), st.sampled_from(SPECIAL))
