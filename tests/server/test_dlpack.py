@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -29,8 +28,8 @@ def test_a_capsule_is_read(array: Any, strides: tuple[int, ...], bits: int) -> N
 
 def test_a_capsule_is_read_once() -> None:
     capsule = np.zeros(3, np.float32).__dlpack__()
-    taken = SimpleNamespace(__dlpack__=lambda **_: capsule, __dlpack_device__=lambda: HOST)
-    np.from_dlpack(taken)
+    methods = {"__dlpack__": lambda *_, **__: capsule, "__dlpack_device__": lambda _: HOST}
+    np.from_dlpack(type("Taken", (), methods)())
     with pytest.raises(ValueError, match="PyCapsule"):
         shared(capsule)
 

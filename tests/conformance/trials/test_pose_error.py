@@ -41,7 +41,10 @@ def test_the_right_pose_is_not_off_nor_its_quaternion_of_the_other_sign():
 def test_the_next_number_is_one_ulp_off_in_the_precision_that_an_engine_holds():
     x, *others = POSE.position
     assert off_by((math.nextafter(x, 2), *others)).position == 1
-    assert off_by((float(np.nextafter(np.float32(x), 2)), *others), single=True).position == 1
+    assert (
+        off_by((float(np.nextafter(np.float32(x), np.float32(2))), *others), single=True).position
+        == 1
+    )
     near = (x + 1e-12, *others), tuple(n + 1e-12 for n in POSE.rotation)
     assert off_by(*near).position > 1000
     assert (off_by(*near, single=True).position, off_by(*near, single=True).rotation) == (0, 0)
