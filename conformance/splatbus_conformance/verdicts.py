@@ -26,6 +26,10 @@ class Verdict(StrEnum):
     """A failure that a list of expected failures knows (`expected.py`)."""
 
 
+BROKEN = (Verdict.FAIL, Verdict.WARN)
+"""What is held against the testee."""
+
+
 class Level(StrEnum):
     """How a verdict was reached: assurance grows with the number."""
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from splatbus_conformance.selection import Item
-from splatbus_conformance.verdicts import Result, Verdict
+from splatbus_conformance.verdicts import BROKEN, Result, Verdict
 from splatbus_conformance.wire.given_files import read_text
 from splatbus_conformance.wire.json_reading import shorten
 
@@ -27,7 +27,6 @@ MEMBERS = ("id", "check", "reason", "code")
 TO_LOOK_INTO = "not looked into yet"
 MOST_SEEN = 200
 EXPECTED = " (expected: "
-CONDEMNS = (Verdict.FAIL, Verdict.WARN)
 
 
 @dataclass(frozen=True)
@@ -100,10 +99,10 @@ def applied(
                     f"{expectation} passes, though it is expected to fail "
                     f"({expectation.reason}): remove its entry"
                 )
-            elif result.verdict in CONDEMNS and expectation.code == result.code:
+            elif result.verdict in BROKEN and expectation.code == result.code:
                 text = f"{result.text}{EXPECTED}{expectation.reason})"
                 marked[place] = replace(result, verdict=Verdict.EXPECTED, text=text, script="")
-            elif result.verdict in CONDEMNS:
+            elif result.verdict in BROKEN:
                 stale.append(
                     f"{expectation} fails in another way than expected: its code is {result.code}, "
                     f"not {expectation.code}: look at it again, then correct its entry"

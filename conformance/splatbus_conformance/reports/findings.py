@@ -10,9 +10,7 @@ from splatbus_conformance.reports.latencies import Latencies
 from splatbus_conformance.rules import Breach, tally
 from splatbus_conformance.rules.tally import Tally
 from splatbus_conformance.selection import RULE, Item
-from splatbus_conformance.verdicts import Result, Verdict, worst
-
-CONDEMNS = (Verdict.FAIL, Verdict.WARN)
+from splatbus_conformance.verdicts import BROKEN, Result, Verdict, worst
 
 
 @dataclass
@@ -111,7 +109,7 @@ class Findings:
         self.cut, self.left = other.cut, other.left
         for place, result in other.placed.items():
             told = replace(result, text=f"{result.text} (seed {seed})")
-            self.put(place, told if result.verdict in CONDEMNS else result)
+            self.put(place, told if result.verdict in BROKEN else result)
         counts = other.traffic.tally
         for name, count in counts.items():
             if count.broken:

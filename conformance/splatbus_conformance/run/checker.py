@@ -27,7 +27,7 @@ from splatbus_conformance.run.testbed import Testbed
 from splatbus_conformance.run.vital_signs import forbids_loss
 from splatbus_conformance.selection import RULE, Item
 from splatbus_conformance.trials.trial import SETTLE_SECONDS, NotObservable, Trial, Violation
-from splatbus_conformance.verdicts import Level, Result, Verdict, failing
+from splatbus_conformance.verdicts import BROKEN, Level, Result, Verdict, failing
 from splatbus_conformance.wire.recording import Channel, Entry
 from splatbus_conformance.wire.saving import save
 from splatbus_conformance.wire.sockets import Peer
@@ -47,7 +47,6 @@ PLACES = {
     "calls": "the calls for memory of the device",
 }
 NOTHING_PROVEN = "nothing was delivered that the testee was seen to take"
-BROKEN = (Verdict.FAIL, Verdict.WARN)
 MAY_CRASH = "it may crash a testee that was not launched by the harness: --allow-crash"
 
 
@@ -122,7 +121,7 @@ class Checker:
 
     def run(self, check: Check) -> Told:
         """Judge the testee by a check: once more, where others before it may have taken what it
-        needs.
+        needs, or a busy machine kept it waiting.
         """
         result, again = self._judged(check)
         if again:
@@ -138,6 +137,7 @@ class Checker:
         self.trial_now = None
         try:
             result = self._played(check)
+            kept = self.testbed.peer.kept_seconds
         except KeyboardInterrupt:
             if self.trial_now is not None:
                 self._keep(self.places[check.name], check.name)
@@ -145,7 +145,7 @@ class Checker:
         self._last_verdict = result.verdict
         if self.trial_now is None:
             return result, False
-        again = self._second_look.is_wanted(result)
+        again = self._second_look.is_wanted(result, kept)
         try:
             self._see_to(check, self.trial_now)
         except Exception as error:

@@ -13,7 +13,7 @@ from splatbus_conformance.run.options import as_options
 from splatbus_conformance.run.replay import counted, replay, worked_out
 from splatbus_conformance.run.testbed import set_up
 from splatbus_conformance.trials.testee import diagnostics
-from splatbus_conformance.verdicts import Result, Verdict
+from splatbus_conformance.verdicts import BROKEN, Result
 from splatbus_conformance.wire.json_reading import shorten
 from splatbus_conformance.wire.secrets import hidden
 
@@ -29,8 +29,7 @@ def work_out(
     smaller cases, for so many seconds in all; each is written into the folder as a script. If the
     machine was `busy`, in words, that is said of those that were not seen again.
     """
-    broken = (Verdict.FAIL, Verdict.WARN)
-    failed = [place for place, it in enumerate(results) if it.script and it.verdict in broken]
+    failed = [place for place, it in enumerate(results) if it.script and it.verdict in BROKEN]
     scripts = {place: from_text(results[place].script) for place in failed}
     why_not = "--shrink 0 leaves no time" if plan.starts_it else "the harness does not start it"
     if failed and seconds and plan.starts_it:

@@ -1,11 +1,16 @@
-"""Whether a check that could show nothing is worth another look, at a testee started anew.
+"""Whether a check is worth another look, at a testee started anew.
 
 What one check leaves behind may keep another from showing anything, and that would hide what is
-broken: a check counts as one that can show nothing only if a fresh testee did not help either.
+broken: a check counts as one that can show nothing only if a fresh testee did not help either. And
+where a busy machine kept the testee from running, or the harness from answering it, a testee that
+gave up did as it should: what was seen then is held against it only if it is seen again.
 """
 
 from splatbus_conformance.trials.testee.process import Testee
-from splatbus_conformance.verdicts import Result, Verdict
+from splatbus_conformance.verdicts import BROKEN, Result, Verdict
+
+KEPT_SECONDS = 1.0
+"""Half of the shortest time after which a testee was seen to give up."""
 
 
 class SecondLook:
@@ -21,15 +26,29 @@ class SecondLook:
         """A check begins."""
         self._started = self.testee.started
 
-    def is_wanted(self, result: Result) -> bool:
-        """Whether the check that has come to this at the first look is to be judged again. Not
-        where it had a testee of its own, or none can be started.
+    def is_wanted(self, result: Result, kept_seconds: float) -> bool:
+        """Whether the check that has come to this at the first look is to be judged again, after a
+        machine has kept it waiting for so long. Not where no testee can be started, nor where one
+        that could show nothing was fresh.
         """
-        used = self.testee.expendable and self.testee.started == self._started > 0
+        if not self.testee.expendable or not self.testee.started:
+            return False
+        if result.verdict in BROKEN:
+            return kept_seconds >= KEPT_SECONDS
+        used = self.testee.started == self._started
         return result.verdict is Verdict.SKIP and used and result.text not in self._in_vain
 
     def end(self, first: Result, second: Result) -> str:
         """Note what both came to; what there is to tell of it."""
+        if first.verdict in BROKEN:
+            return (
+                ""
+                if second.verdict in BROKEN
+                else (
+                    f"{first.check} has shown what a second look did not, while the machine kept it"
+                    f" waiting: {first.text}"
+                )
+            )
         if second.verdict is Verdict.SKIP:
             self._in_vain |= {first.text, second.text}
             return ""

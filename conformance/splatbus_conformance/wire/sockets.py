@@ -238,6 +238,7 @@ class Peer:
         self._absent = 0.0
         self._asked = self._asked_at = self._clock = self._start
         self._delayed = 0.0
+        self._before = 0.0, 0.0
         self._known: Mapping[int, float] = {}
         self._count = dict.fromkeys(CHANNELS, 0)
 
@@ -315,6 +316,14 @@ class Peer:
         self._absent += max(0.0, now - self._looked - GRACE_SECONDS)
         self._looked = now
 
+    @property
+    def kept_seconds(self) -> float:
+        """For how long, on this record, the harness did not look, or a busy machine kept the testee
+        from running.
+        """
+        absent, delayed = self._before
+        return max(self._absent - absent, self._delayed - delayed)
+
     def pump(self, seconds: float = 0.0) -> None:
         """Handle what happens within `seconds`; at least what has happened already."""
         deadline = time.monotonic() + seconds
@@ -352,7 +361,7 @@ class Peer:
             for channel in self._listeners:
                 while self._accepted(channel):
                     pass
-        self.late_seconds = 0.0
+        self.late_seconds, self._before = 0.0, (self._absent, self._delayed)
         self.close_all()
         self.connections = []
         self.entries = []
@@ -395,8 +404,7 @@ class Peer:
         happened = self._selector.select(seconds)
         self._looked = time.monotonic()
         late = self._looked - began - seconds
-        if not happened:
-            self.late_seconds = max(self.late_seconds, late)
+        self.late_seconds = max(self.late_seconds, late)
         self._absent += max(0.0, late - GRACE_SECONDS)
         for _ in range(MOST_ROUNDS):
             if not happened:

@@ -1,4 +1,6 @@
-"""A check that could show nothing of a used testee is judged of a fresh one."""
+"""A check that could show nothing of a used testee is judged of a fresh one, and again where the
+machine kept a testee waiting that failed.
+"""
 
 import json
 import sys
@@ -7,10 +9,13 @@ from pathlib import Path
 import pytest
 
 from tests.conformance.harness import run
-from tests.conformance.run.test_workers import told
+from tests.conformance.run.test_workers import POSIX, told
 
 SERVES = """
+import os
+import signal
 import sys
+import time
 from pathlib import Path
 
 from splatbus_renderer.cli import main
@@ -21,14 +26,23 @@ handles = Session.handle
 
 def handle(self, connection, message, now):
     if type(message).__name__ in {hardens_by!r}:
-        self.exchange.memory.ring.clients = 1
+        {then}
     return handles(self, connection, message, now)
 
 
 Session.handle = handle
-with Path({starts!r}).open("a") as starts:
+STARTS = Path({starts!r})
+with STARTS.open("a") as starts:
     starts.write("one more\\n")
 sys.exit(main(["--quiet", "--size", "64x48"]))
+"""
+HARDENS = "self.exchange.memory.ring.clients = 1"
+DIES_AFTER_A_STALL = """
+        if len(STARTS.read_text().splitlines()) <= {times}:
+            os.kill(os.getppid(), signal.SIGSTOP)
+            time.sleep(1.5)
+            os.kill(os.getppid(), signal.SIGCONT)
+            os._exit(0)
 """
 USED = {"check_one_reply_each_in_order": "pass", "check_shows_it_beside_who_reads_both": "pass"}
 ALIKE = {
@@ -38,19 +52,41 @@ ALIKE = {
 """Two that can show nothing for the same reason, of a fresh testee either."""
 
 
-@pytest.mark.parametrize(
-    ("hardens_by", "verdicts", "advised"), [("GetCameraPose", USED, 1), ("Opened", ALIKE, 0)]
-)
-def test_what_a_check_took_does_not_hide_what_another_shows(
-    hardens_by: str, verdicts: dict[str, str], advised: int, tmp_path: Path
-) -> None:
-    """The server lets in no second reader once it has heard a message of this kind."""
+def judged(then: str, by: str, select: str, tmp_path: Path) -> tuple[dict[str, str], int, str]:
+    """The verdict of each check, how often the server was started, and the advice."""
     starts, report = tmp_path / "starts", tmp_path / "report.json"
     program = tmp_path / "server.py"
-    program.write_text(SERVES.format(hardens_by=[hardens_by], starts=str(starts)), "utf-8")
+    program.write_text(SERVES.format(hardens_by=[by], then=then, starts=str(starts)), "utf-8")
     launch = f'"{sys.executable}" "{program}"'
-    run("server", "--launch", launch, "--select", ",".join(verdicts), "--json", str(report))
-    assert {check: verdict for _, check, verdict in told(report) if check != "rule"} == verdicts
-    assert len(starts.read_text("utf-8").splitlines()) == 2
+    words = ("--select", select, "--shrink", "0", "--json", str(report))
+    run("server", "--launch", launch, *words, cwd=tmp_path)
+    verdicts = {check: verdict for _, check, verdict in told(report) if check != "rule"}
     advice = json.loads(report.read_text("utf-8"))["advice"]
-    assert ["one reader at a time" in it for it in advice] == [True] * advised
+    return verdicts, len(starts.read_text("utf-8").splitlines()), "".join(advice)
+
+
+@pytest.mark.parametrize(
+    ("hardens_by", "verdicts", "advised"), [("GetCameraPose", USED, True), ("Opened", ALIKE, False)]
+)
+def test_what_a_check_took_does_not_hide_what_another_shows(
+    hardens_by: str, verdicts: dict[str, str], advised: bool, tmp_path: Path
+) -> None:
+    """The server lets in no second reader once it has heard a message of this kind."""
+    seen, starts, advice = judged(HARDENS, hardens_by, ",".join(verdicts), tmp_path)
+    assert (seen, starts) == (verdicts, 2)
+    assert ("one reader at a time" in advice) == advised
+
+
+@POSIX
+@pytest.mark.parametrize(("times", "verdict"), [(1, "pass"), (2, "fail")])
+def test_what_was_seen_where_the_machine_was_busy_counts_if_it_is_seen_again(
+    times: int, verdict: str, tmp_path: Path
+) -> None:
+    """The server keeps the harness from running, and then ends, as often as this."""
+    check = "check_one_reply_each_in_order"
+    seen, starts, advice = judged(
+        DIES_AFTER_A_STALL.format(times=times), "GetCameraPose", check, tmp_path
+    )
+    assert seen == {check: verdict}
+    assert starts > 1
+    assert ("while the machine kept it waiting" in advice) == (verdict == "pass")

@@ -6,7 +6,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 from splatbus_conformance.images.memory.host import HostMemory
@@ -44,11 +44,13 @@ def running(code: str, argument: str) -> Iterator[subprocess.Popen[str]]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
+        start_new_session=True,
     )
     try:
         yield process
     finally:
-        process.kill()
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # what it has started, too
         process.communicate(timeout=10)
 
 
@@ -100,6 +102,5 @@ def test_a_process_that_is_kept_from_running_is_seen_to_be_delayed() -> None:
         before = delays(first.pid)[started]
         assert eventually(lambda: delays(first.pid)[started] > before + 0.2)
         assert eventually(lambda: wanted_seconds(first.pid) > sum(delays(first.pid).values()) + 0.2)
-        os.kill(started, signal.SIGKILL)
     assert delays(first.pid) == delays(None) == {}
     assert not wanted_seconds(first.pid)
