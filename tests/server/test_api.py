@@ -75,13 +75,11 @@ def publish(
 def test_what_is_published_is_what_is_read(bus: splatbus_server.Bus, reader: Reader) -> None:
     """[BUF-1, BUF-5, ACC-8, MEM-12]"""
     assert reader.init["semantics"]["origin"] == list(next_view(bus).origin)
-    color, depth = publish(bus, reader, RGB.transpose(2, 0, 1), DEPTH)
+    alpha = np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)
+    given = RGB.transpose(2, 0, 1), (0.5 / DEPTH)[None]
+    color, depth = publish(bus, reader, *given, alpha=alpha, depth_kind="inverse")
     assert (color[..., :3] == RGB).all()
     assert (color[..., 3] == 1.0).all()
-    assert (depth == DEPTH).all()
-    alpha = np.full((HEIGHT, WIDTH, 1), 0.5, np.float32)
-    options = {"alpha": alpha, "depth_kind": "inverse"}
-    _, depth = publish(bus, reader, RGB, (0.5 / DEPTH)[None], **options)
     np.testing.assert_allclose(depth, DEPTH, rtol=1e-6)
 
 
