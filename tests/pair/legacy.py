@@ -1,12 +1,10 @@
-"""Peers of 1.0, as they are deployed: what was never written down is what they do."""
+"""Clients of 1.0, as they are deployed: what was never written down is what they do."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import socket
 import struct
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +12,9 @@ from splatbus_conformance.wire.conversation import conversations
 from splatbus_conformance.wire.recording import load
 
 from tests.pair.rig import MOST_SECONDS, Tap
-from tests.peers.legacy_server import running
 from tests.peers.raw_client import packet
 
 RECORDINGS = Path(__file__).parents[1] / "data" / "recordings"
-
-
-@contextlib.contextmanager
-def server_of_1_0() -> Iterator[Tap]:
-    """A tap before a server of 1.0."""
-    with running() as ports:
-        tap = Tap(*ports)
-        with tap.open():
-            yield tap
 
 
 def replay(name: str, tap: Tap) -> list[dict[str, Any]]:

@@ -12,7 +12,6 @@ import splatbus_client
 import splatbus_server
 from splatbus_conformance.observe.audit import Audit, audit
 from splatbus_conformance.observe.relay import Relay
-from splatbus_conformance.wire.conversation import Message, conversations
 from splatbus_conformance.wire.recording import Channel, Entry
 
 MOST_SECONDS = 30.0
@@ -67,15 +66,6 @@ class Tap:
         """A reference client's session with the server, through the relay."""
         ports = self.ports["ipc"], self.ports["msg"]
         return splatbus_client.connect("127.0.0.1", *ports, **options)
-
-    def said(self, peer: str, channel: Channel | None = None) -> list[Message]:
-        """The messages of `client` or `server`, in the order in which they passed."""
-        return [
-            message
-            for conversation in conversations(list(self.entries))
-            if channel in (None, conversation.channel)
-            for message in conversation.sent_by(peer)
-        ]
 
     def judged(self) -> Audit:
         """What all that passed shows of both peers."""

@@ -1,36 +1,14 @@
-"""Every pairing of 1.0 and 1.1, over real sockets, with all that crosses on record and judged."""
+"""Deployed clients of 1.0, over real sockets, with all that crosses on record and judged."""
 
 from __future__ import annotations
 
 import pytest
 import splatbus_client
-from splatbus_client import Pose
-from splatbus_schemas import names
 
-from tests.pair.legacy import replay, server_of_1_0
+from tests.pair.legacy import replay
 from tests.pair.painting import painter
-from tests.pair.rig import MOST_SECONDS, serving
-from tests.peers.legacy_server import POSITION, ROTATION
+from tests.pair.rig import serving
 from tests.waiting import eventually
-
-MESSAGES_OF_1_0 = {name for name in names("1.0") if not name.endswith(("_reply", "packet"))}
-
-
-def test_a_client_of_1_1_falls_back_without_a_timer() -> None:
-    with server_of_1_0() as tap, tap.session() as session:
-        session.send_camera(Pose((0.0, 0.0, -1.0), (0.0, 0.0, 0.0, 1.0)))
-        assert session.viewport_size(MOST_SECONDS) == (64, 48)
-        assert session.camera_pose(0, MOST_SECONDS) == Pose(tuple(POSITION), tuple(ROTATION))
-        assert session.status.message.version == "1.0"
-        assert eventually(lambda: session.status.ipc.version == "1.0"), "an init packet of 1.0"
-        session.send_camera(Pose((0.0, 0.0, -2.0), (0.0, 0.0, 0.0, 1.0)))
-        session.camera_pose(1, MOST_SECONDS)
-    sent = tap.said("client", "msg")
-    assert {message.type for message in sent} == MESSAGES_OF_1_0 - {"point_cloud_pose"} | {"hello"}
-    assert [m.type for m in tap.said("client", "ipc")] == ["hello"]
-    allowed = {"type", "timestamp", "position", "rotation", "cam_idx"}
-    assert all(set(m.value or ()) <= allowed for m in sent if m.type != "hello")
-    tap.assert_conforming()
 
 
 @pytest.mark.parametrize("name", ["opengl-viewer", "python-client", "unity-csharp"])

@@ -15,7 +15,6 @@ from splatbus_wire.poses import Pose
 
 from tests.pair.known_scene import is_right, showing
 from tests.pair.rig import MOST_SECONDS
-from tests.peers.raw_client import RawClient, hello
 
 
 def test_time_stands_still_where_it_was_set_and_plays_on_when_that_client_goes() -> None:
@@ -49,15 +48,6 @@ def test_the_scene_lists_what_can_be_seen() -> None:
             tuple(np.min(centers, axis=0).tolist()),
             tuple(np.max(centers, axis=0).tolist()),
         )
-
-
-def test_it_tells_how_it_does_even_while_nobody_looks() -> None:
-    with showing() as (_, tap), RawClient(tap.ports["msg"]) as client:
-        client.ask(hello("telemetry"))
-        client.send({"type": "subscribe_telemetry", "names": None})
-        told = client.receive() or {}
-    kinds = {each["name"]: each["kind"] for each in told["series"]}
-    assert kinds == {"stage": "text", "render_ms": "scalar", "render_times": "histogram"}
 
 
 @pytest.mark.parametrize("extreme", [LIMITS["min_lens"], LIMITS["max_lens"]])

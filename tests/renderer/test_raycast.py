@@ -69,16 +69,11 @@ def assert_exact(raycaster: Raycaster, camera: Camera, pose: ObjectPose = STILL)
     return float(exact.certain.mean())
 
 
-@settings(deadline=None, max_examples=150)
-@given(cameras())
-@example(replace(CAMERA, position=(5.5, 0.9500000000000001, 0.0)))  # sees where the floor ends
-def test_every_pixel_is_the_exact_one_or_lies_on_an_edge(camera):
-    assert_exact(RAYCASTER, camera)
-
-
-@settings(deadline=None, max_examples=50)
-@given(cameras(), POSES)
-def test_a_moved_turned_and_scaled_scene_is_exact_too(camera, pose):
+@settings(deadline=None, max_examples=200)
+@given(cameras(), st.just(STILL) | POSES)
+@example(replace(CAMERA, position=(5.5, 0.9500000000000001, 0.0)), STILL)  # where the floor ends
+def test_every_pixel_is_the_exact_one_or_lies_on_an_edge(camera, pose):
+    """Also where the scene is moved, turned and scaled."""
     assert_exact(RAYCASTER, camera, pose)
 
 

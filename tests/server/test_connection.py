@@ -1,4 +1,4 @@
-"""What a connection makes of bytes and moments: transcripts, fed at once and byte by byte."""
+"""What a connection makes of bytes and moments."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from splatbus_server.connection import (
     Refusal,
     Terms,
 )
-from splatbus_wire.messages import Channel, Program
+from splatbus_wire.messages import Program
 
 from tests.peers.raw_client import camera_pose, hello, packet, packets
 
@@ -27,7 +27,6 @@ GUARDED = OPEN._replace(token="secret")
 SIZE: dict[str, Any] = {"type": "get_viewport_size"}
 CAMERA: dict[str, Any] = {"type": "get_camera_pose"}
 REQUEST = packet(SIZE)
-WELCOME = "welcome 1.1"
 
 
 def events(connection: Connection, now: float) -> list[str]:
@@ -50,49 +49,16 @@ def said(connection: Connection) -> list[str]:
     ]
 
 
-TALKS: dict[str, tuple[Terms, str, list[Any], list[str], list[str], str]] = {
-    "hello is answered before what follows [NEG-6, NEG-7]": (
-        *(OPEN, "ipc", [hello("frames", "x-unknown"), {"type": "opened", "generation": 3}]),
-        *(["Hello", "Opened"], [WELCOME], ""),
-    ),
-    "versions that are not supported [NEG-10]": (
-        *(OPEN, "msg", [hello(versions=["9.0"]), SIZE]),
-        *(["unsupported_version"], ["unsupported_version"], "NEG-25"),
-    ),
-    "a wrong token [NEG-18]": (
-        *(GUARDED, "msg", [hello(token="secret "), hello(token="secret"), SIZE]),
-        *(["unauthorized"], ["unauthorized"], "NEG-25"),
-    ),
-    "without a token a guarded server is deaf [NEG-19]": (
-        *(GUARDED, "msg", [SIZE, camera_pose(), b"[", hello(token="secret"), SIZE]),
-        ["unauthorized", "unauthorized", "malformed_json", "Hello", "GetViewportSize"],
-        *([WELCOME], ""),
-    ),
-    "on the IPC channel nothing before hello ends it [CHN-7, NEG-22]": (
-        *(OPEN, "ipc", [b"\xff", b"[]", SIZE, {"type": "opened", "generation": 1}]),
-        *(["malformed_json", "not_an_object", "unknown_type", "unauthorized"], [], ""),
-    ),
-    "a hello that cannot be read is answered, and the last word [NEG-35]": (
-        *(OPEN, "ipc", [hello(versions=[]), hello()]),
-        *(["invalid_message"], ["invalid_message /versions"], "NEG-35"),
-    ),
-    "but not the second one [NEG-3, NEG-26]": (
-        *(OPEN, "msg", [hello(), hello(versions=[]), hello(), SIZE]),
-        ["Hello", "invalid_message", "invalid_message", "GetViewportSize"],
-        *([WELCOME, "invalid_message /versions", "invalid_message"], ""),
-    ),
-    "who agrees upon 1.0 has what 1.0 has [NEG-31, NEG-33]": (
-        GUARDED,
-        "msg",
-        [hello(versions=["1.0", "1.1"], token="secret"), {"type": "nope"}, SIZE, hello()],
+TALKS: dict[str, tuple[list[Any], list[str], list[str], str]] = {
+    "who agrees upon 1.0 has what 1.0 has [NEG-33]": (
+        [hello(versions=["1.0", "1.1"]), {"type": "nope"}, SIZE, hello()],
         *(["Hello", "unknown_type", "GetViewportSize", "unknown_type"], ["welcome 1.0"], ""),
     ),
     "who awaits a reply in vain is told by an end [REQ-9]": (
-        *(OPEN, "msg", [{"type": "nope"}, CAMERA, SIZE]),
+        [{"type": "nope"}, CAMERA, SIZE],
         *(["unknown_type", "invalid_message"], [], "REQ-9"),
     ),
     "after hello by an error that names the request, if that is one [NEG-23, NEG-27, NEG-29]": (
-        *(OPEN, "msg"),
         [
             hello(),
             CAMERA | {"id": 7.0},
@@ -104,7 +70,7 @@ TALKS: dict[str, tuple[Terms, str, list[Any], list[str], list[str], str]] = {
         ["Hello", *["invalid_message"] * 10, *["unknown_type"] * 2, "GetViewportSize"],
         [
             *(
-                WELCOME,
+                "welcome 1.1",
                 "invalid_message /cam_idx 7",
                 "invalid_message /cam_idx",
                 *["invalid_message /id"] * 7,
@@ -116,27 +82,17 @@ TALKS: dict[str, tuple[Terms, str, list[Any], list[str], list[str], str]] = {
 }
 
 
-@pytest.mark.parametrize("step", [1, 1 << 20])
 @pytest.mark.parametrize(
-    ("terms", "channel", "messages", "expected", "replies", "ending"),
+    ("messages", "expected", "replies", "ending"),
     [pytest.param(*talk, id=name) for name, talk in TALKS.items()],
 )
 def test_what_is_said(
-    terms: Terms,
-    channel: Channel,
-    messages: list[Any],
-    expected: list[str],
-    replies: list[str],
-    ending: str,
-    step: int,
+    messages: list[Any], expected: list[str], replies: list[str], ending: str
 ) -> None:
-    """[FRM-4]: however the bytes come."""
-    connection = Connection(channel, terms, 0.0)
-    data, found = b"".join(map(packet, messages)), []
-    for start in range(0, len(data), step):
-        connection.receive(data[start : start + step], 0.0)
-        found += events(connection, 0.0)
-    assert (found, said(connection)) == (expected, replies)
+    """Where the standard leaves a choice, or the harness does not look."""
+    connection = Connection("msg", OPEN, 0.0)
+    connection.receive(b"".join(map(packet, messages)), 0.0)
+    assert (events(connection, 0.0), said(connection)) == (expected, replies)
     assert connection.is_open == (not ending)
     assert ending in str(connection.ending)
 
@@ -272,25 +228,3 @@ def test_a_guarded_server_awaits_hello_for_ten_seconds() -> None:
     greeting.receive(packet(hello(token="secret")), 101.0)
     assert events(greeting, 101.0) == ["Hello"]
     assert greeting.deadline == math.inf
-
-
-@pytest.mark.parametrize(("message", "is_known"), [(hello(), True), (SIZE, True), (b"{}", False)])
-def test_who_sent_something_valid_is_known(message: object, is_known: bool) -> None:
-    """[CHN-25]"""
-    connection = Connection("msg", OPEN, 0.0)
-    assert not connection.is_known
-    connection.receive(packet(message), 0.0)
-    events(connection, 0.0)
-    assert connection.is_known == is_known
-
-
-def test_what_waits_when_the_stream_ends_is_answered() -> None:
-    """[CHN-16]: and then the connection is over."""
-    connection = Connection("msg", OPEN, 0.0)
-    connection.receive(REQUEST, 0.0)
-    connection.receive(b"", 0.0)
-    queue(9)(connection, 0.0)
-    assert events(connection, 0.0) == ["GetViewportSize"]
-    assert not connection.over
-    take(ALL)(connection, 0.0)
-    assert connection.over

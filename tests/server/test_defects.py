@@ -110,6 +110,7 @@ def test_a_defect_of_the_service_ends_connections_and_neither_thread(
             client.send(camera_pose(1.0))
             assert client.receive() is None
     assert eventually(lambda: "a defect of this server" in caplog.text)
+    assert bus.next_view(0.0) is None
     with RawClient(bus.address.message_port) as mover:
         mover.send(camera_pose(0.5))
         assert eventually(lambda: bus._exchange.poses.camera.position[0] == 0.5)

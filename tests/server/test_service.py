@@ -16,7 +16,7 @@ from splatbus_server import connection as connection_module
 from splatbus_server.peer import Peer
 from splatbus_server.service import Service
 
-from tests.peers.raw_client import RawClient, Reader, camera_pose, hello, packet
+from tests.peers.raw_client import RawClient, camera_pose, hello, packet
 from tests.server.conftest import SIZE
 from tests.waiting import eventually
 
@@ -76,18 +76,11 @@ def test_whatever_a_client_does(
 ) -> None:
     """[CHN-14]: more often than there are places, so that each is seen to end."""
     caplog.set_level(logging.INFO)
-    with RawClient(bus.address.message_port) as mover, Reader(bus.address.ipc_port) as reader:
-        mover.send(camera_pose(0.0))  # and so has control
-        mover.viewport()
-        reader.open()
-        reader.release(reader.frame())
-        for turn in range(1, 12):
+    with RawClient(bus.address.message_port) as other:
+        for _ in range(11):
             with RawClient(getattr(bus.address, port)) as rude:
                 deed(rude)
-                mover.send(camera_pose(turn / 16))
-                frame = reader.frame()
-                assert (reader.depth(frame) == 1.0 + turn / 16).all()
-                reader.release(frame)
+                assert other.viewport() == list(SIZE)
     assert eventually(lambda: re.search(reason, caplog.text) is not None)
     for never in ("defect", "LIM-1", SECRET):
         assert never not in caplog.text

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.peers.raw_client import IDENTITY, camera_pose, hello
+from tests.peers.raw_client import camera_pose, hello
 from tests.server.stage import READERS, Client, Stage
 
 CHANNELS = {"c": "color", "d": "depth"}
@@ -204,37 +204,6 @@ def test_equal_poses_change_nothing(stage: Stage) -> None:
     assert (counts.poses_received, counts.poses_superseded, counts.views) == (4, 3, 2)
 
 
-def test_what_is_refused_is_told_to_the_log_and_takes_no_control(stage: Stage) -> None:
-    """[CAM-6, OBJ-3, OBJ-4, CTL-2]: who is busy is told so once."""
-    first, second = stage.steerer(), stage.steerer()
-    lens = {**dict.fromkeys(("fx", "fy", "cx", "cy", "far"), 8.0), "near": 0.1}
-    table = {"type": "object_pose", "object": "table", **IDENTITY}
-    wrong = [camera_pose(1.0, intrinsics=lens | {"width": 8, "height": 8}), table]
-    codes = ["invalid_message", "unknown_object"]
-    told = ["busy", *codes]
-    for client, messages, refused, heard in (
-        (second, wrong, codes, codes),
-        (first, [camera_pose(1.0)], [], []),
-        (second, [camera_pose(2.0), *wrong, camera_pose(2.0)], [*told, "busy"], told),
-    ):
-        assert [refusal.code for refusal in client.say(*messages)] == refused
-        assert [error["code"] for error in client.hear()] == heard
-    assert stage.exchange.poses.camera.position[0] == 1.0
-
-
-@pytest.mark.parametrize(
-    ("capabilities", "other"),
-    [(["frames"], {}), (["cuda_ipc"], {}), (["host_shm"], {"versions": ["1.0", "1.1"]})],
-)
-def test_memory_of_the_host_is_announced_only_to_who_can_open_it(
-    stage: Stage, capabilities: list[str], other: dict[str, Any]
-) -> None:
-    """[NEG-11, CHN-5]"""
-    client = stage.arrive()
-    assert client.ask(hello(*capabilities, **other))["type"] == "welcome"
-    assert stage.statistics.refused == {}
-
-
 def test_who_cannot_open_goes_on_without_images(stage: Stage) -> None:
     """[OPN-4]: and the log says why."""
     client = stage.reader()
@@ -243,19 +212,6 @@ def test_who_cannot_open_goes_on_without_images(stage: Stage) -> None:
     assert client.hear() == []
     assert client.connection.is_open
     assert stage.view() is None
-
-
-def test_what_names_nothing_is_reported_and_changes_nothing(stage: Stage) -> None:
-    """[OPN-12, IMG-16]"""
-    reader, release = stage.reader(), {"type": "release", "generation": 1, "seq": 1}
-    stage.publish()
-    reader.hear()
-    wrong = [{"type": kind, "generation": 2} for kind in ("opened", "closed")]
-    wrong += [{"type": "open_failed", "generation": 2, "reason": "no"}]
-    for messages in (wrong, [release | {"seq": 2}, release | {"generation": 2}]):
-        assert {refusal.code for refusal in reader.say(*messages)} == {"invalid_message"}
-        assert [error["code"] for error in reader.hear()] == ["invalid_message"] * len(messages)
-    assert [len(reader.say(release)) for _ in range(2)] == [0, 1]
 
 
 @pytest.mark.parametrize("kind", ["host_shm", "cuda_ipc"])
@@ -274,15 +230,12 @@ def test_one_reader_too_many_is_told_and_closed(kind: str) -> None:
     assert stage.reader().connection.is_open
 
 
-def test_memory_on_a_gpu_is_announced_at_once_and_once() -> None:
-    """[CHN-4, NEG-15]: but where a token is asked for, after `hello` [NEG-18]."""
-    stage = Stage("cuda_ipc")
-    client, guarded = stage.arrive(), stage.arrive(token="secret")
-    assert [packet["memory"]["kind"] for packet in client.hear()] == ["cuda_ipc"]
+def test_memory_on_a_gpu_is_announced_to_nobody_before_the_token() -> None:
+    """[NEG-18]: though at once where none is asked for [CHN-4]."""
+    guarded = Stage("cuda_ipc").arrive(token="secret")
     assert guarded.hear() == []
-    for each, expected in ((client, ["welcome"]), (guarded, ["welcome", None])):
-        each.say(hello(*stage.capabilities, token="secret"))
-        assert [message.get("type") for message in each.hear()] == expected
+    guarded.say(hello("cuda_ipc", token="secret"))
+    assert [message.get("type") for message in guarded.hear()] == ["welcome", None]
 
 
 @pytest.mark.parametrize("capabilities", [("host_shm", "frames"), ()])

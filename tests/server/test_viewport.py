@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from splatbus_server.limits import Limits
 from splatbus_server.reader import LET_GO_SECONDS
-from splatbus_wire.messages import Closed
 
 from tests.peers.raw_client import hello
 from tests.server.stage import READERS, Stage
@@ -23,24 +22,6 @@ def failing(monkeypatch: pytest.MonkeyPatch, stage: Stage, error: Exception) -> 
         raise error
 
     monkeypatch.setattr(stage.exchange.memory, "successor", fail)
-
-
-def test_all_are_told_of_the_size_and_the_old_memory_is_freed(stage: Stage) -> None:
-    """[VPT-2, VPT-5, VPT-7]: when the last has let go of it, which is known at once."""
-    readers, asker = [stage.reader(), stage.reader()], stage.steerer()
-    assert asker.resize() == {"type": "viewport_size", "id": 12, "viewport_size": [8, 6]}
-    for reader in readers:
-        assert stage.exchange.replaced == [stage.memory]
-        (init,) = reader.hear()
-        assert (init["generation"], init["meta"]["w"], init["meta"]["h"]) == (2, 8, 6)
-        reader.say({"type": "opened", "generation": 2})
-        assert asker.resize(16, 12)["code"] == "busy"
-        stage.session.handle(reader.connection, Closed(1), stage.now)
-    assert asker.resize(16, 12)["viewport_size"] == [16, 12]
-    stage.do_chores()
-    assert stage.memory.is_freed
-    assert asker.resize(16, 12)["viewport_size"] == [16, 12], "nothing changes"
-    assert not asker.connection.is_held
 
 
 @pytest.mark.parametrize(
@@ -125,6 +106,7 @@ def test_who_keeps_former_memory_is_disconnected(
         reader.leave()
     assert stage.exchange.replaced == []
     assert asker.resize(16, 12)["viewport_size"] == [16, 12]
+    assert stage.memory.is_freed
 
 
 @pytest.mark.parametrize("fails", [False, True])
@@ -152,16 +134,6 @@ def test_memory_is_not_freed_while_an_image_is_written(stage: Stage, fails: bool
     assert [message.get("generation") for message in reader.hear()] == [2], "no frame of it"
     stage.publish()
     assert reader.hear()[0]["seq"] == 1
-
-
-def test_a_wish_that_is_not_granted_in_time_leaves_no_memory(stage: Stage) -> None:
-    """[OPN-9]: as when the server ends meanwhile."""
-    stage.steerer().say({"type": "set_viewport", "width": 8, "height": 6, "id": 12})
-    viewport = stage.session.viewport
-    viewport.chores.pop()()
-    assert len(stage.memory.store.open) == 2
-    viewport.close()
-    assert stage.memory.store.open == [stage.memory]
 
 
 @pytest.mark.parametrize(
