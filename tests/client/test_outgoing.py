@@ -21,12 +21,10 @@ from splatbus_wire.messages import (
     decode_from_client,
     encode,
 )
-from splatbus_wire.poses import Pose
 
-from tests.peers.fake_server import LENS, POSITION, ROTATION
+from tests.peers.fake_server import LENS, POSE
 from tests.wire.payloads import payload_of
 
-POSE = Pose(POSITION, ROTATION)
 INTRINSICS = Intrinsics(**LENS)
 MESSAGES = [
     CameraPose(POSE, None, "tag", INTRINSICS),

@@ -9,7 +9,6 @@ import pytest
 from splatbus_client import MemoryLostError
 
 from tests.peers.fake_server import (
-    CAMERA,
     HEIGHT,
     SIZE,
     WIDTH,
@@ -70,15 +69,6 @@ def test_a_frame_is_read_top_down_and_released(server, session, memory):
         _ = lease.color
     assert session.images[:3] == (1, WIDTH, HEIGHT)
     assert session.images.semantics.alpha == "straight"
-
-
-def test_a_frame_of_another_size_than_its_memory_is_given_back_unread(server, session, memory):
-    ipc = server.ipc_opened(memory)
-    ipc.send(frame(7, camera=CAMERA | {"width": 100}))
-    assert ipc.receive() == release(7)
-    ipc.send(frame(8))
-    with session.next_frame(5) as lease:
-        assert lease.seq == 8
 
 
 @linux
@@ -169,24 +159,12 @@ def test_closed_waits_for_arrays_that_outlived_their_frame(server, session, memo
     assert ipc.receive() == closed()
 
 
-@pytest.mark.parametrize(
-    ("members", "reason"),
-    [
-        ({"name": "client-test-missing"}, "no shared memory"),
-        ({"name": "x" * 31}, "MEM-7"),
-        ({"bytes": SIZE + 1}, "MEM-6"),
-        ({"bytes": SIZE - 1}, "MEM-10"),
-    ],
-)
-def test_what_cannot_be_opened_is_declined_and_the_rest_goes_on(
-    server, session, memory, members, reason
-):
+def test_what_cannot_be_opened_is_told_and_the_rest_goes_on(server, session, memory):
     ipc = server.ipc_1_1()
-    announced = {"kind": "host_shm", "name": memory.name, "bytes": SIZE} | members
-    ipc.send(init_packet(memory=announced))
+    ipc.send(init_packet())
     answer = ipc.receive()
     assert (answer["type"], answer["generation"]) == ("open_failed", 1)
-    assert reason in answer["reason"]
+    assert "no shared memory" in answer["reason"]
     with pytest.raises(TimeoutError, match="cannot be opened"):
         session.next_frame(0)
     reinit(ipc, memory, 2)

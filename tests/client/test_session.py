@@ -4,11 +4,9 @@ import logging
 import threading
 
 import pytest
-from splatbus_client import Pose, connect
+from splatbus_client import connect
 
-from tests.peers.fake_server import POSITION, ROTATION, frame
-
-POSE = Pose(POSITION, ROTATION)
+from tests.peers.fake_server import POSE, frame
 
 
 def test_a_client_that_is_early_finds_its_server(server, memory):

@@ -19,14 +19,13 @@ from tests.peers.fake_server import (
     CAMERA_REPLY,
     LENS,
     MESSAGE_CAPABILITIES,
-    POSITION,
-    ROTATION,
+    POSE,
     SCENE,
     TELEMETRY,
     frame,
 )
 
-POSE, LENS_SENT = Pose(POSITION, ROTATION), Intrinsics(**LENS)
+LENS_SENT = Intrinsics(**LENS)
 OTHER = Pose((0.0, 0.0, 1.0), (0.0, 0.0, 0.0, 1.0))
 BUSY = {"type": "error", "code": "busy", "message": "another client steers"}
 TYPED_REPLY = {"type": "camera"} | CAMERA_REPLY
@@ -46,8 +45,8 @@ def test_what_a_session_sends_is_what_its_caller_says(server, session):
     session.send_camera(POSE, tag="a-1", intrinsics=LENS_SENT)
     camera = message.receive()
     assert (camera["type"], camera["tag"], camera["intrinsics"]) == ("camera_pose", "a-1", LENS)
-    assert list(camera["position"].values()) == list(POSITION)
-    assert list(camera["rotation"].values()) == list(ROTATION)
+    assert list(camera["position"].values()) == list(POSE.position)
+    assert list(camera["rotation"].values()) == list(POSE.rotation)
     session.send_object(POSE)
     cloud = message.receive()
     assert cloud["type"] == "point_cloud_pose"
@@ -76,7 +75,8 @@ def test_sending_never_waits_for_a_server_that_does_not_read(server, session):
 
 def test_the_newest_of_each_is_sent_again_after_a_reconnect_but_no_tag(server, session):
     message = server.message_1_1()
-    session.send_camera(OTHER, tag="a-1", intrinsics=LENS_SENT)
+    for lens in (LENS_SENT._replace(fx=1.0), LENS_SENT):
+        session.send_camera(OTHER, tag="a-1", intrinsics=lens)
     for name, scale in [("chair", 1.0), ("table", 1.0), ("chair", 0.5)]:
         session.send_object(POSE, name, scale)
     session.send_time(1.0)

@@ -6,42 +6,37 @@ import socket
 from pathlib import Path
 
 import numpy as np
+from splatbus_schemas import examples
+from splatbus_wire.poses import Pose
 
 from tests.peers.raw_client import End
 
 SECONDS = 10.0
 WIDTH, HEIGHT, SLOTS = 6, 4, 3
 SIZE = SLOTS * WIDTH * HEIGHT * 20
-CAMERA = {
-    "position": [0.0, 0.0, -4.0],
-    "rotation": [0.0, 0.0, 0.0, 1.0],
-    "fx": 300.0,
-    "fy": 300.0,
+
+
+def example(name):
+    """The first valid example of a message in the specification."""
+    return examples(name, "1.1")[0][0].message
+
+
+HOST = example("init_packet")
+SEMANTICS = HOST["semantics"]
+META = HOST["meta"] | {
+    "w": WIDTH,
+    "h": HEIGHT,
+    "pitchColor": 16 * WIDTH,
+    "pitchDepth": 4 * WIDTH,
+}
+CAMERA = example("frame")["camera"] | {
     "cx": WIDTH / 2,
     "cy": HEIGHT / 2,
     "width": WIDTH,
     "height": HEIGHT,
-    "near": 0.01,
-    "far": 100.0,
 }
-SEMANTICS = {
-    "rows": "bottom_up",
-    "alpha": "straight",
-    "colorSpace": "srgb",
-    "depth": {"kind": "planar_z", "estimator": "expected", "empty": "inf"},
-    "unitMetres": None,
-    "origin": [0.0, 0.0, 0.0],
-}
-META = {
-    "w": WIDTH,
-    "h": HEIGHT,
-    "fmtColor": "RGBA32F",
-    "pitchColor": 16 * WIDTH,
-    "fmtDepth": "R32F",
-    "pitchDepth": 4 * WIDTH,
-}
-POSITION, ROTATION = (1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703)
-CAMERA_REPLY = {"position": list(POSITION), "rotation": list(ROTATION)}
+POSE = Pose((1.0, -2.0, 5.0), (-0.1, 0.2, -0.3, 0.9273618495495703))
+CAMERA_REPLY = {"position": list(POSE.position), "rotation": list(POSE.rotation)}
 IPC_CAPABILITIES = ("host_shm", "frames", "reinit", "subscribe")
 MESSAGE_CAPABILITIES = (
     "intrinsics",
@@ -62,31 +57,10 @@ LENS = {
     "near": 0.01,
     "far": 100.0,
 }
-SCENE = {
-    "type": "scene",
-    "objects": [
-        {
-            "id": "default",
-            "name": "Garden",
-            "gaussians": 1200000,
-            "bounds": {"min": [-4.0, -2.0, -4.0], "max": [4.0, 1.0, 4.0]},
-        },
-        {"id": "chair", "name": "", "gaussians": 7, "bounds": None},
-    ],
-    "timeRange": [0.0, 4.0],
-    "cameras": 3,
-    "origin": [0.0, 0.0, 0.0],
-}
-TELEMETRY = {
-    "type": "telemetry",
-    "seq": 17,
-    "time": 1041.25,
-    "series": [
-        {"name": "render_ms", "kind": "scalar", "value": 3.5, "unit": "ms"},
-        {"name": "opacity", "kind": "histogram", "edges": [0.0, 0.5, 1.0], "counts": [120, 880]},
-        {"name": "stage", "kind": "text", "value": "training"},
-    ],
-}
+GARDEN = {name: value for name, value in example("scene").items() if name != "id"}
+CHAIR = {"id": "chair", "name": "", "gaussians": 7, "bounds": None}
+SCENE = GARDEN | {"objects": [*GARDEN["objects"], CHAIR], "timeRange": [0.0, 4.0]}
+TELEMETRY = example("telemetry")
 HANDLE = "A" * 86 + "=="
 
 
@@ -101,20 +75,15 @@ def welcome(*capabilities, version="1.1"):
 
 def init_packet(name="client-test-none", generation=1, size=SIZE, **members):
     pixels = WIDTH * HEIGHT
-    return {
-        "version": "1.1",
-        "generation": generation,
-        "meta": META,
-        "memory": {"kind": "host_shm", "name": name, "bytes": size},
-        "ring": {
-            "slots": SLOTS,
-            "colorOffset": 0,
-            "colorStride": 16 * pixels,
-            "depthOffset": SLOTS * 16 * pixels,
-            "depthStride": 4 * pixels,
-        },
-        "semantics": SEMANTICS,
-    } | members
+    layout = {
+        "slots": SLOTS,
+        "colorStride": 16 * pixels,
+        "depthOffset": SLOTS * 16 * pixels,
+        "depthStride": 4 * pixels,
+    }
+    memory = {"kind": "host_shm", "name": name, "bytes": size}
+    ring = HOST["ring"] | layout
+    return HOST | {"generation": generation, "meta": META, "memory": memory, "ring": ring} | members
 
 
 def cuda_init_packet(**members):
@@ -127,15 +96,8 @@ def cuda_init_packet(**members):
 
 
 def frame(seq, slot=0, generation=1, **members):
-    return {
-        "type": "frame",
-        "generation": generation,
-        "seq": seq,
-        "slot": slot,
-        "camera": CAMERA,
-        "time": 0.0,
-        "renderedAt": 1.0,
-    } | members
+    told = {"generation": generation, "seq": seq, "slot": slot, "camera": CAMERA}
+    return example("frame") | told | members
 
 
 def image(seed):

@@ -3,17 +3,6 @@
 import pytest
 from splatbus_viewer.cli import main
 
-from tests.peers.fake_server import FakeServer
-
-
-@pytest.fixture
-def nowhere(monkeypatch):
-    """Ports at which no server listens."""
-    server = FakeServer()
-    server.stop()
-    monkeypatch.setenv("SPLATBUS_IPC_PORT", str(server.ipc_port))
-    monkeypatch.setenv("SPLATBUS_MSG_PORT", str(server.message_port))
-
 
 def test_help_teaches_the_environment(capsys):
     with pytest.raises(SystemExit):
@@ -31,8 +20,9 @@ def test_help_teaches_the_environment(capsys):
         (["--pose", "-1,0,0,0,0,0,2"], "norm"),
     ],
 )
-@pytest.mark.usefixtures("nowhere")
-def test_a_picture_that_cannot_be_taken_says_why(options, problem, tmp_path, capsys):
+@pytest.mark.usefixtures("where")
+def test_a_picture_that_cannot_be_taken_says_why(server, options, problem, tmp_path, capsys):
+    server.stop()
     path = tmp_path / "out.png"
     assert main(["snapshot", str(path), "--timeout", "0.3", *options]) == 1
     assert problem in capsys.readouterr().err

@@ -1,7 +1,5 @@
 """Frames as a screen wants them, from whatever the semantics say."""
 
-import math
-
 import numpy as np
 import pytest
 from splatbus_viewer.display import shown
@@ -33,28 +31,3 @@ def test_premultiplied_colour_is_divided_by_alpha():
 def test_linear_light_is_encoded(light, code):
     result = shown(*image((light, light, light, 1.0), 3.0), Semantics(color_space="linear"))
     np.testing.assert_allclose(result.color[0, 0], [code, code, code, 1.0], atol=1e-5)
-
-
-def test_distance_along_the_ray_becomes_planar_depth():
-    result = shown(*image((1, 1, 1, 1), 3.0), Semantics(depth_kind="ray_distance"))
-    x, y = (0.5 - 1.5) / 2, (0.5 - 1.0) / 2
-    assert result.depth[0, 0] == pytest.approx(3.0 / math.sqrt(x * x + y * y + 1.0))
-    assert np.isinf(
-        shown(*image((1, 1, 1, 1), np.inf), Semantics(depth_kind="ray_distance")).depth
-    ).all()
-
-
-@pytest.mark.parametrize(
-    ("alpha", "depth", "empty"),
-    [
-        (0.0, 3.0, math.inf),
-        (1.0, math.inf, math.inf),
-        (1.0, 100.0, 100.0),
-        (1.0, math.nan, math.inf),
-        (1.0, 0.0, math.inf),
-        (1.0, -3.0, math.inf),
-    ],
-)
-def test_what_is_no_surface_is_infinitely_far(alpha, depth, empty):
-    result = shown(*image((1, 1, 1, alpha), depth), Semantics(depth_empty=empty))
-    assert np.isposinf(result.depth).all()

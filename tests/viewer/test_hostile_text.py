@@ -115,14 +115,10 @@ def play_refusal(server, memory):
     ],
     ids=lambda it: " ".join(it) if isinstance(it, list) else it.__name__,
 )
+@pytest.mark.usefixtures("where")
 def test_no_word_of_a_server_acts(server, memory, tmp_path, arguments, images):
     if arguments[0] == "snapshot":
         arguments = ["snapshot", str(tmp_path / "out.png"), *arguments[1:]]
-    environment = os.environ | {
-        "SPLATBUS_IPC_PORT": str(server.ipc_port),
-        "SPLATBUS_MSG_PORT": str(server.message_port),
-        "PYTHONIOENCODING": "utf-8",
-    }
     players = [
         threading.Thread(target=play_message, args=(server,)),
         threading.Thread(target=images, args=(server, memory)),
@@ -131,7 +127,7 @@ def test_no_word_of_a_server_acts(server, memory, tmp_path, arguments, images):
         player.start()
     done = subprocess.run(
         [sys.executable, "-m", "splatbus_viewer", *arguments],
-        env=environment,
+        env=os.environ | {"PYTHONIOENCODING": "utf-8"},
         capture_output=True,
         check=False,
         timeout=60,

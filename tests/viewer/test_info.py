@@ -9,13 +9,7 @@ from splatbus_viewer.cli import main
 from tests.peers.fake_server import HEIGHT, SCENE, WIDTH, frame
 
 
-@pytest.fixture
-def where(server, monkeypatch):
-    monkeypatch.setenv("SPLATBUS_IPC_PORT", str(server.ipc_port))
-    monkeypatch.setenv("SPLATBUS_MSG_PORT", str(server.message_port))
-
-
-def answer(message, ahead=1000.0):
+def answer(message):
     """Answer all questions of a message connection, until it ends; by a clock that is ahead."""
     try:
         while True:
@@ -26,7 +20,7 @@ def answer(message, ahead=1000.0):
                 "ping": {
                     "type": "pong",
                     "t": request.get("t"),
-                    "serverTime": request.get("t", 0) + ahead,
+                    "serverTime": request.get("t", 0) + 1000.0,
                 },
             }
             message.send(replies[request["type"]] | {"id": request["id"]})

@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from splatbus_viewer.display import Shown
 from splatbus_viewer.picture import three_panels
-from splatbus_wire.messages import FrameCamera
-from splatbus_wire.poses import IDENTITY
 
-WIDTH, HEIGHT = 120, 80
-CAMERA = FrameCamera(IDENTITY, 100.0, 100.0, 60.0, 40.0, WIDTH, HEIGHT, 0.01, 100.0)
+from tests.viewer.test_mesh import CAMERA
+
+WIDTH, HEIGHT = CAMERA.width, CAMERA.height
 GAP, LINE = 11, 16
 
 

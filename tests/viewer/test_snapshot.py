@@ -1,20 +1,32 @@
-"""Who wants a picture, and gets none, is told why."""
+"""Who wants a picture gets one, or is told why not."""
 
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
+from PIL import Image
 from splatbus_viewer.cli import scene_camera
 from splatbus_viewer.snapshot import snapshot
-from splatbus_wire.poses import IDENTITY, Pose
+from splatbus_wire.poses import IDENTITY
 
-from tests.peers.fake_server import frame
+from tests.peers.fake_server import HEIGHT, WIDTH, frame, image
 
 
-def test_images_from_elsewhere_are_no_picture_of_a_pose(server, session, memory, tmp_path):
-    server.ipc_opened(memory).send(frame(1))
-    pose = Pose((9.0, 0.0, 0.0), IDENTITY.rotation)
+def test_a_picture_shows_a_frame_from_the_pose_and_none_from_elsewhere(
+    server, session, memory, tmp_path
+):
+    color, depth = image(1)
+    color[..., 3] = 1.0
+    memory.write(0, color, depth)
+    ipc, path = server.ipc_opened(memory), tmp_path / "out.png"
+    ipc.send(frame(1))
+    pose = IDENTITY._replace(position=(0.0, 0.0, -4.0))
+    snapshot(session, path, pose, 5)
+    panel = np.asarray(Image.open(path))[27 : 27 + HEIGHT, 11 : 11 + WIDTH]
+    assert np.abs(panel - 255 * color[..., :3]).max() <= 0.51
+    ipc.send(frame(2))
     with pytest.raises(TimeoutError, match="1 frames came, but none from that pose"):
-        snapshot(session, tmp_path / "out.png", pose, 0.5)
+        snapshot(session, path, IDENTITY, 0.5)
     with pytest.raises(ValueError, match=r"out.txt: .* end in .png, .jpg"):
         snapshot(session, tmp_path / "out.txt", pose, 0.5)
 

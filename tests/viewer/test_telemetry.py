@@ -8,19 +8,11 @@ import pytest
 from splatbus_schemas.visible import visible
 from splatbus_viewer import telemetry
 from splatbus_viewer.cli import main
-from splatbus_wire.messages import Histogram, Scalar, Telemetry, Text
+from splatbus_wire.messages import Histogram, Text, decode_from_server_message
 
 from tests.peers.fake_server import TELEMETRY
 
-FIGURES = Telemetry(
-    17,
-    1041.25,
-    (
-        Scalar("render_ms", 3.5, "ms"),
-        Histogram("opacity", (0.0, 0.5, 1.0), (120, 880)),
-        Text("stage", "training"),
-    ),
-)
+FIGURES = decode_from_server_message(json.dumps(TELEMETRY).encode(), None)
 
 
 def histogram(*counts):
@@ -50,12 +42,6 @@ def test_json_is_what_was_on_the_wire():
     telemetry.as_json(out)(FIGURES._replace(series=(Text("stage", strange),)))
     assert json.loads(out.getvalue())["series"][0]["value"] == strange
     assert visible(out.getvalue().rstrip()) == out.getvalue().rstrip()
-
-
-@pytest.fixture
-def where(server, monkeypatch):
-    monkeypatch.setenv("SPLATBUS_IPC_PORT", str(server.ipc_port))
-    monkeypatch.setenv("SPLATBUS_MSG_PORT", str(server.message_port))
 
 
 @pytest.mark.usefixtures("where")

@@ -2,7 +2,6 @@
 
 import io
 import math
-import os
 import re
 import signal
 import subprocess
@@ -10,7 +9,7 @@ import sys
 from contextlib import contextmanager
 
 import pytest
-from splatbus_client import Pose, Status
+from splatbus_client import Status
 from splatbus_client.channel import ChannelStatus
 from splatbus_viewer.view import ORBIT_SECONDS, _Frames, _Report, orbit
 from splatbus_wire.rotations import rotation_matrix
@@ -19,27 +18,19 @@ from tests.peers.fake_server import (
     CAMERA,
     CAMERA_REPLY,
     HEIGHT,
-    POSITION,
-    ROTATION,
+    POSE,
     WIDTH,
-    FakeServer,
     frame,
     init_packet,
 )
 
-POSE = Pose(POSITION, ROTATION)
+pytestmark = pytest.mark.usefixtures("where")
 
 
 @contextmanager
-def viewer(server, *arguments):
-    environment = os.environ | {
-        "SPLATBUS_HOST": "127.0.0.1",
-        "SPLATBUS_IPC_PORT": str(server.ipc_port),
-        "SPLATBUS_MSG_PORT": str(server.message_port),
-    }
+def viewer(*arguments):
     process = subprocess.Popen(
         [sys.executable, "-m", "splatbus_viewer", "view", *arguments],
-        env=environment,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -73,7 +64,7 @@ def test_an_orbit_begins_at_its_center_stays_in_the_image_plane_and_comes_back()
 
 
 def test_a_tag_that_comes_back_is_a_latency(server, memory):
-    with viewer(server, "--rate", "100") as process:
+    with viewer("--rate", "100") as process:
         ipc, message = server.ipc_1_1(), server.message_1_1()
         asked_for_camera(message)
         ipc.send(init_packet(memory.name))
@@ -89,7 +80,7 @@ def test_a_tag_that_comes_back_is_a_latency(server, memory):
 
 
 def test_a_size_is_asked_for_on_each_connection_and_its_refusal_told(server):
-    with viewer(server, "--size", "64x48", "--seconds", "30") as process:
+    with viewer("--size", "64x48", "--seconds", "30") as process:
         for _ in range(2):
             message = server.message_1_1()
             asked_for_camera(message)
@@ -108,7 +99,7 @@ def test_a_size_is_asked_for_on_each_connection_and_its_refusal_told(server):
 
 
 def test_poses_wait_for_the_images_of_the_former(server, memory):
-    with viewer(server, "--rate", "200"):
+    with viewer("--rate", "200"):
         ipc, message = server.ipc_1_1(), server.message_1_1()
         asked_for_camera(message)
         ipc.send(init_packet(memory.name))
@@ -126,7 +117,7 @@ def test_poses_wait_for_the_images_of_the_former(server, memory):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_it_in_order(server, name):
-    with viewer(server) as process:
+    with viewer() as process:
         ipc, message = server.ipc(), server.message()
         message.receive()
         process.send_signal(getattr(signal, name))
@@ -134,10 +125,9 @@ def test_a_signal_ends_it_in_order(server, name):
         assert ipc.ended()
 
 
-def test_it_ends_after_its_seconds_and_says_what_to_do_where_no_server_runs():
-    server = FakeServer()
+def test_it_ends_after_its_seconds_and_says_what_to_do_where_no_server_runs(server):
     server.stop()
-    with viewer(server, "--seconds", "0.5") as process:
+    with viewer("--seconds", "0.5") as process:
         out, err = process.communicate(timeout=30)
     assert process.returncode == 0
     assert "start one with: splatbus-server" in err

@@ -39,29 +39,3 @@ def test_each_colour_is_rounded_once(premultiplied, pixels):
         worst, at = max((worst, at), (max(errors), pixels[i]), key=lambda found: found[0])
     kind = "premultiplied" if premultiplied else "straight"
     within(f"composite, {kind}", worst, 0.501, "ULP", at)
-
-
-@pytest.mark.parametrize("blend", [over_straight, over_premultiplied])
-@pytest.mark.parametrize(
-    ("splat", "depth", "behind"),
-    [
-        *(((1, 1, 1, 1), depth, 10.0) for depth in (10.0, 11.0, math.inf, math.nan, 0.0, -1.0)),
-        *(
-            ((left_over, left_over, left_over, 0), depth, math.inf)
-            for left_over in (1.0, math.inf, math.nan)
-            for depth in (4.0, 100.0, math.inf)
-        ),
-    ],
-)
-def test_what_is_empty_or_not_in_front_leaves_the_background_alone(splat, depth, behind, blend):
-    splats, depths = np.array([splat], np.float32), np.array([depth], np.float32)
-    under, under_depths = np.full((1, 3), 0.25, np.float32), np.array([behind], np.float32)
-    assert blend(splats, depths, under, under_depths).tolist() == [[0.25] * 3]
-
-
-def test_images_keep_their_shape():
-    splats = np.ones((3, 5, 4), np.float32)
-    near, far = np.ones((3, 5), np.float32), np.full((3, 5), math.inf, np.float32)
-    composite = over_straight(splats, near, np.zeros((3, 5, 3), np.float32), far)
-    assert composite.shape == (3, 5, 3)
-    assert (composite == 1).all()

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from splatbus_conformance import oracle
 from splatbus_conformance.oracle.rounding import SINGLE
 from splatbus_wire.depth import (
-    COVERED_ALPHA_MIN,
     covered,
     expected_depth,
     planar_depth,
@@ -53,12 +52,6 @@ def test_every_estimator_can_write_in_place_what_the_server_chose(estimate):
     given_depth = single(1, 0, -1, math.nan).reshape(2, 2)
     assert estimate(given_depth, np.ones_like(out), empty=100.0, out=out) is out
     assert out.tolist() == [[1, 100], [100, 100]]
-
-
-def test_the_threshold_of_alpha_is_the_first_single_not_below_a_255th():
-    below = np.nextafter(COVERED_ALPHA_MIN, np.float32(0))
-    assert Fraction(float(below)) < Fraction(1, 255) <= Fraction(float(COVERED_ALPHA_MIN))
-    assert covered(single(1, 1), np.array([below, COVERED_ALPHA_MIN])).tolist() == [False, True]
 
 
 @settings(deadline=None, max_examples=200)

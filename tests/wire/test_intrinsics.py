@@ -44,12 +44,3 @@ def test_what_is_not_ahead_has_no_image_point(z):
     image_points = Pinhole(300, 300, 160, 120, 320, 240).project([[1, 2, z], [0, 0, 4]])
     assert np.isnan(image_points[0]).all()
     assert image_points[1].tolist() == [160, 120]
-
-
-def test_rays_of_all_pixels_are_those_of_their_centres_top_row_first():
-    pinhole = Pinhole(100.5, 99.25, 3.5, 2.5, 7, 5)
-    rays = pinhole.rays()
-    assert rays.shape == (5, 7, 3)
-    assert rays[0, 6].tolist() == pinhole.ray(6.5, 0.5).tolist()
-    assert rays[2, 3].tolist() == [0, 0, 1]
-    assert rays[0, 0, 1] < 0 < rays[4, 0, 1]

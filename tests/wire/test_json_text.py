@@ -15,25 +15,9 @@ from tests.wire.payloads import refusal
 
 DEPTH = LIMITS["max_json_depth"]
 
-text = st.text(st.characters(exclude_categories=["Cs"]))
-values = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
-    | text,
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(text, inner, max_size=4),
-    max_leaves=20,
-)  # fmt: skip
-objects = st.dictionaries(text, values, max_size=6)
-
 
 def nested(depth: int, opening: str = '{"a":', closing: str = "}") -> bytes:
     return (opening * depth + "1" + closing * depth).encode()
-
-
-@given(objects, st.booleans(), st.sampled_from([None, 2]))
-def test_every_spelling_of_an_object_is_taken(message, ascii_only, indent):
-    payload = json.dumps(message, ensure_ascii=ascii_only, indent=indent).encode()
-    assert parse_object(b" \r\n\t" + payload + b"\n ") == message
-    assert parse_object(serialize(message)) == json.loads(serialize(message)) == message
 
 
 def test_serialized_text_is_compact_and_keeps_every_digit():
@@ -43,48 +27,19 @@ def test_serialized_text_is_compact_and_keeps_every_digit():
     )
 
 
-def test_escapes_in_names_and_strings_are_taken():
-    assert parse_object(rb'{"\u0061":"\ud83d\uDE00 \\ud800 \"[{"}') == {"a": '😀 \\ud800 "[{'}
-
-
-@given(st.lists(st.sampled_from(["d800", "dbff", "dc00", "dFFF", "D83D", "Dc36", "0061", "e000"])))
-def test_escapes_of_surrogates_are_taken_in_pairs_only(codes):
-    payload = '{{"a":"{}"}}'.format("".join(rf"\u{code}" for code in codes)).encode()
-    utf_16 = b"".join(bytes.fromhex(code) for code in codes)
-    text = utf_16.decode("utf-16-be", errors="replace")
-    if "\ufffd" not in text:
-        assert parse_object(payload) == {"a": text}
-    else:
-        error = refusal(parse_object, payload)
-        assert (error.code, error.requirement) == ("malformed_json", "JSN-1")
-
-
 # Where the offset is that of a byte, and the pointer one to a value.
 REFUSED = [
     (b"", "malformed_json", "JSN-1", 0),
-    (b"  ", "malformed_json", "JSN-1", 2),
     # Python names the comma since 3.13, before that what follows it.
     (b'{"a":1,}', "malformed_json", "JSN-1", 6 if sys.version_info >= (3, 13) else 7),
     (b'{"a":1} {}', "malformed_json", "JSN-1", 8),
-    (b'{"a":1}\0', "malformed_json", "JSN-1", 7),
-    (b'{"a":NaN,}', "malformed_json", "JSN-1", 8 if sys.version_info >= (3, 13) else 9),
     ('{"ä":x}'.encode(), "malformed_json", "JSN-1", 6),
-    (b'{"a":"\n"}', "malformed_json", "JSN-1", 6),
-    ('{"a":١}'.encode(), "malformed_json", "JSN-1", 5),
-    ('{"a":\u00a01}'.encode(), "malformed_json", "JSN-1", 5),
     (b'{"a":"\xff"}', "malformed_json", "JSN-1", 6),
-    (b'{"a":"\xed\xa0\x80"}', "malformed_json", "JSN-1", 6),
-    ('{"a":1}'.encode("utf-16-le"), "malformed_json", "JSN-1", 1),
-    (rb'{"a":"\ud800"}', "malformed_json", "JSN-1", 6),
-    (rb'{"a":"\udc00\ud800"}', "malformed_json", "JSN-1", 6),
     ('{"ä":0,"\\\\\\ud800x":1}'.encode(), "malformed_json", "JSN-1", 11),
     (b"\xef\xbb\xbf{}", "malformed_json", "JSN-2", 0),
     (nested(DEPTH + 1), "malformed_json", "JSN-5", 5 * DEPTH),
-    (b"[" * 10_000, "malformed_json", "JSN-5", DEPTH),
     (b'{"":' * 10_000, "malformed_json", "JSN-5", 4 * DEPTH),
     (b'{"[[\\"\\\\":' + b"[" * 90, "malformed_json", "JSN-5", 9 + DEPTH),
-    *((other, "not_an_object", "JSN-1", "") for other in (b"null", b"true", b"1", b'"a"', b"[{}]")),
-    (b'{"a":1,"a":1}', "malformed_json", "JSN-3", "/a"),
     (b'{"p":{"q":[0,{"x~/":1,"b":2,"x~\\/":3}]}}', "malformed_json", "JSN-3", "/p/q/1/x~0~1"),
     *(
         (shape % number, "invalid_number", "JSN-4", "/a/1/b")
@@ -108,7 +63,9 @@ def test_what_is_no_object_of_values_is_refused_with_its_place(payload, code, re
 
 def test_an_error_says_what_stands_in_place_of_an_object():
     for payload, shown in [(b"null", "null"), (b"1", "a number"), (b"[{}]", "an array")]:
-        assert f"is {shown}" in refusal(parse_object, payload).message
+        error = refusal(parse_object, payload)
+        assert (error.code, error.requirement, error.pointer) == ("not_an_object", "JSN-1", "")
+        assert f"is {shown}" in error.message
 
 
 def test_nesting_up_to_the_limit_is_taken():
@@ -166,17 +123,6 @@ def test_deep_nesting_is_refused_with_little_stack_left():
 
     # pytest and Hypothesis stand on some of it already
     assert deep(sys.getrecursionlimit() // 2).requirement == "JSN-5"
-
-
-@given(st.binary(max_size=40) | st.text('{}[]":,\\u0d8ce1 \n', max_size=40).map(str.encode))
-def test_any_bytes_give_an_object_or_a_refusal(payload):
-    try:
-        message = parse_object(payload)
-    except ProtocolError as error:
-        located = error.pointer is not None or error.offset is not None
-    else:
-        located = json.loads(payload) == message
-    assert located
 
 
 def test_a_pointer_is_never_longer_than_an_error_can_carry():

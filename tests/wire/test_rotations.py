@@ -37,20 +37,10 @@ def test_a_rotation_is_within_8u_orthogonal_to_16u_and_comes_back_from_its_matri
         quaternion_from_matrix((*(-a for a in R[:3]), *R[3:]))
 
 
-@pytest.mark.parametrize("norm", [0.99, 0.9901, 1.0, 1.0099, 1.01])
-@pytest.mark.parametrize("axis", range(4))
-def test_a_norm_within_a_hundredth_of_one_is_taken(norm, axis):
-    check_quaternion(tuple(norm if i == axis else -0.0 for i in range(4)))
-
-
 @pytest.mark.parametrize(
     "q",
     [
         (0.0, 0.0, 0.0, 0.0),
-        (0.0, 0.0, 0.0, 0.9899),
-        (0.0, 0.0, 0.0, 1.0101),
-        (1e160, 0.0, 0.0, 0.0),
-        (1e-160, 1e-160, 1e-160, 1e-160),
         (math.nan, 0.0, 0.0, 1.0),
         (0.0, 0.0, -math.inf, math.nan),
     ],
