@@ -15,8 +15,8 @@ from splatbus_schemas.requirements import requirements
 
 ROOT = Path(__file__).resolve().parents[1]
 CEILINGS = {
-    "conformance": 305_060,
-    "tests": 434_620,
+    "conformance": 305_120,
+    "tests": 424_770,
     "schemas": 38_500,
     "reference_server": 69_450,
     "reference_client": 55_920,

@@ -19,7 +19,7 @@ DOCUMENTS = documents()
 TEXTS = {reader: DOCUMENTS[place] for reader, place in PLACES.items()}
 ALL = requirements("1.1")
 every_edition = pytest.mark.parametrize("reader", PLACES, ids=lambda each: each or "complete")
-MOST_WORDS, WORDS_PER_SENTENCE = 12_850, 30
+MOST_WORDS, WORDS_PER_SENTENCE = 12_930, 30
 """And as many more for each sentence that is new since `tests/size.py` was written."""
 
 
