@@ -137,7 +137,7 @@ class Checker:
         self.trial_now = None
         try:
             result = self._played(check)
-            kept = self.testbed.peer.kept_seconds
+            kept = self.testbed.peer.kept_seconds()
         except KeyboardInterrupt:
             if self.trial_now is not None:
                 self._keep(self.places[check.name], check.name)

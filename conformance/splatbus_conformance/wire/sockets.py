@@ -316,11 +316,11 @@ class Peer:
         self._absent += max(0.0, now - self._looked - GRACE_SECONDS)
         self._looked = now
 
-    @property
     def kept_seconds(self) -> float:
         """For how long, on this record, the harness did not look, or a busy machine kept the testee
         from running.
         """
+        self._looks_again()
         absent, delayed = self._before
         return max(self._absent - absent, self._delayed - delayed)
 

@@ -157,6 +157,9 @@ def test_patience_is_not_spent_while_the_testee_cannot_run(
     clock.peer.until(lambda: looked.append(clock.peer.clock()), 10.0)
     assert looked == sorted(looked)
     assert clock.now >= (500.0 if away else 10.0 / (1 - share)) - 1.0
+    assert clock.peer.kept_seconds() >= (450.0 if away else 29.0)
+    clock.peer.clear()
+    assert clock.peer.kept_seconds() == 0
 
 
 def test_patience_is_spent_on_a_testee_that_does_not_accept(
