@@ -1,7 +1,7 @@
 """`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
 
-Each foreign program and each client for an engine, in two profiles, some at a time; alone on the
-machine the extension in each Blender, the C++ client's programs for Windows under Wine, and the
+Each foreign program and each client for an engine, in the profile full, some at a time; alone on
+the machine the extension in each Blender, the C++ client's programs for Windows under Wine, and the
 reference pair with three seeds; the pair once more beside two processes that never rest. The seeds
 hang on the commit of the first sitting. What is done stays done until a source changes.
 """
@@ -44,7 +44,6 @@ WINE = "tests/engines/under_wine.py"
 ENGINES = {"csharp": ("unity",), "cpp": ("unreal", "opengl", "opengl device")}
 """The clients for engines, each in folders of its own, and the axes of their adapters."""
 COMPILERS = {"csharp": ("mcs", "mono"), "cpp": ("g++",)}
-PROFILES = ("quick", "full")
 PAIR_SEEDS = 3
 AXES = ("opencv", "unity", "unreal", "blender", "opengl", "opengl_camera")
 """One by each seed."""
@@ -81,34 +80,28 @@ class Task:
 def plan(commit: str) -> Iterator[Task]:
     """Every task: those of others first, which have found most."""
     seed = int(commit[:6], 16)
-    for profile in PROFILES:
-        for program in (*programs("client"), *programs("server")):
-            run = partial(foreign, program, profile, seed)
-            yield Task(f"{program.side} {program.name}, {profile}", run, AT_A_TIME)
-        for language, axes in ENGINES.items():
-            for words in ("Viewer", *(f"Adapter {each}" for each in axes)):
-                run = partial(engine, language, words, profile, seed)
-                yield Task(f"{language} {words}, {profile}", run, AT_A_TIME)
+    for program in (*programs("client"), *programs("server")):
+        yield Task(f"{program.side} {program.name}", partial(foreign, program, seed), AT_A_TIME)
+    for language, axes in ENGINES.items():
+        for words in ("Viewer", *(f"Adapter {each}" for each in axes)):
+            yield Task(f"{language} {words}", partial(engine, language, words, seed), AT_A_TIME)
     # Alone, for the harness starts a dozen of them at a time.
     for version in BLENDERS:
-        for profile in PROFILES:
-            run = partial(blender, version, profile, seed)
-            yield Task(f"blender {version} Adapter, {profile}", run)
+        yield Task(f"blender {version} Adapter", partial(blender, version, seed))
         yield Task(f"tests of blender {version}", partial(blenders.tried, version))
     yield Task("cpp under Wine", partial(passing, [WINE], os.environ))
-    for name, profile in itertools.product(PAIR, PROFILES):
+    for name in PAIR:
         for each in range(seed, seed + PAIR_SEEDS):
-            yield Task(f"our {name}, {profile}, seed {each}", partial(own, name, profile, each))
-        told = f"our {name}, {BUSY} busy beside it, {profile}"
-        yield Task(told, partial(hurried, name, profile, seed))
+            yield Task(f"our {name}, seed {each}", partial(own, name, each))
+        yield Task(f"our {name}, {BUSY} busy beside it", partial(hurried, name, seed))
 
 
-def foreign(program: Program, profile: str, seed: int, scratch: Path) -> Wrong:
+def foreign(program: Program, seed: int, scratch: Path) -> Wrong:
     """Judge a foreign program: the verdict has to be what is pinned."""
-    return differences(program, judge(program, scratch, profile=profile, seed=seed))
+    return differences(program, judge(program, scratch, profile="full", seed=seed))
 
 
-def engine(language: str, program_and_axes: str, profile: str, seed: int, scratch: Path) -> Wrong:
+def engine(language: str, program_and_axes: str, seed: int, scratch: Path) -> Wrong:
     """Judge a client for an engine: anything but a run that conforms is wrong."""
     program, *axes = program_and_axes.split()
     if missing := [each for each in COMPILERS[language] if not shutil.which(each)]:
@@ -116,29 +109,29 @@ def engine(language: str, program_and_axes: str, profile: str, seed: int, scratc
     command = shlex.join([*built(language, program, scratch), *axes])
     words = ("--stand-in-cuda",) if language == "cpp" else ()
     how = "--adapter" if axes else "--launch"
-    return judging(profile, seed, scratch, "client", how, command, *words)
+    return judging(seed, scratch, "client", how, command, *words)
 
 
-def blender(version: str, profile: str, seed: int, scratch: Path) -> Wrong:
+def blender(version: str, seed: int, scratch: Path) -> Wrong:
     """Judge the extension for Blender: anything but a run that conforms is wrong."""
-    return judging(profile, seed, scratch, "client", *adapter(installed(version), scratch))
+    return judging(seed, scratch, "client", *adapter(installed(version), scratch))
 
 
-def own(name: str, profile: str, seed: int, scratch: Path) -> Wrong:
+def own(name: str, seed: int, scratch: Path) -> Wrong:
     """Judge one of the pair: anything but a run that conforms is wrong."""
     side, how, module, environment = PAIR[name]
     command = f'"{sys.executable}" -m {module.format(AXES[seed % len(AXES)])}'
-    return judging(profile, seed, scratch, side, how, command, **environment)
+    return judging(seed, scratch, side, how, command, **environment)
 
 
-def judging(profile: str, seed: int, scratch: Path, *words: str, **environment: str) -> Wrong:
+def judging(seed: int, scratch: Path, *words: str, **environment: str) -> Wrong:
     """What is wrong with a program that has to conform, by its report in `scratch`."""
     report = scratch / REPORT
     ended = subprocess.run(
         [
             *(sys.executable, "-m", "splatbus_conformance", "--plain", *words),
             *("--json", str(report), "--shrink", "0", "--scripts", str(scratch)),
-            *("--profile", profile, "--seed", str(seed)),
+            *("--profile", "full", "--seed", str(seed)),
         ],
         cwd=scratch,
         env={**os.environ, **environment},
@@ -162,7 +155,7 @@ def judging(profile: str, seed: int, scratch: Path, *words: str, **environment: 
     return wrong
 
 
-def hurried(name: str, profile: str, seed: int, scratch: Path) -> Wrong:
+def hurried(name: str, seed: int, scratch: Path) -> Wrong:
     """Judge one of the pair beside processes that never rest: it may show less, and breaks
     nothing.
     """
@@ -170,7 +163,7 @@ def hurried(name: str, profile: str, seed: int, scratch: Path) -> Wrong:
         for _ in range(BUSY):
             busy = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
             stack.callback(busy.kill)
-        return own(name, profile, seed, scratch)
+        return own(name, seed, scratch)
 
 
 def long(words: list[str]) -> int:

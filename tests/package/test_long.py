@@ -37,7 +37,7 @@ def repository(monkeypatch, **answers):
 def test_everything_is_in_the_plan_and_once():
     names = [task.name for task in long.plan(COMMIT)]
     count = len(programs("client")) + len(programs("server")) + 6 + 3  # for engines and Blenders
-    assert len(set(names)) == len(names) == 2 * (count + 3 * 4 + 4) + 3 + 1
+    assert len(set(names)) == len(names) == count + 3 * 4 + 4 + 3 + 1
 
 
 def test_a_sitting_ends_in_time_and_the_next_goes_on(result):
