@@ -125,7 +125,8 @@ class Checker:
         """
         result, again = self._judged(check)
         if again:
-            self.testbed.testee.stop()
+            if result.verdict not in BROKEN:
+                self.testbed.testee.stop()
             first, (result, _) = result, self._judged(check)
             if told := self._second_look.end(first, result):
                 self.traffic.advice.append(told)

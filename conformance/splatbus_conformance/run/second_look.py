@@ -1,9 +1,9 @@
-"""Whether a check is worth another look, at a testee started anew.
+"""Whether a check is worth another look.
 
 What one check leaves behind may keep another from showing anything, and that would hide what is
-broken: a check counts as one that can show nothing only if a fresh testee did not help either. And
-where a busy machine kept the testee from running, or the harness from answering it, a testee that
-gave up did as it should: what was seen then is held against it only if it is seen again.
+broken: a check counts as one that can show nothing only if a testee started anew did not help
+either. And where a busy machine kept the testee from running, or the harness from answering it, a
+testee that gave up did as it should: that is held against it only if it is seen again.
 """
 
 from splatbus_conformance.trials.testee.process import Testee

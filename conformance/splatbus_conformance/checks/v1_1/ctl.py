@@ -363,6 +363,7 @@ def check_says_again_what_it_wants(trial: ClientTrial, channel: Channel) -> None
     wanted = trial.facts.says & LASTING[channel]
     if not wanted:
         trial.not_observable("the testee sends nothing by itself that it has to repeat")
+    trial.greeted(channel)  # the next one takes its place
     connection = trial.greeted(channel)
     trial.wait(lambda: wanted <= heard(trial, connection) or connection.ended)
     left = wanted - heard(trial, connection)
