@@ -6,7 +6,7 @@ from typing import Any
 from splatbus_server.connection import Refusal
 from splatbus_server.memory import Memory
 from splatbus_server.viewport import Change, Viewport
-from splatbus_wire.messages import GetViewportSize, SetViewport, ViewportSize
+from splatbus_wire.messages import GetViewportSize, OpenFailed, SetViewport, ViewportSize
 
 from tests.zoo.faults.seam import Seam
 from tests.zoo.faults.seams import server
@@ -197,7 +197,10 @@ def server_frees_what_nobody_has_opened(patch):
     forgets(patch, lambda reader, generation: generation not in reader.opened)
 
 
-@mutant("OPN-14", check="check_closed_ends_the_lease", code="no-frame", at=server.HEARS_OF_MEMORY)
+LETS_GO = "check_closed_ends_the_lease"
+
+
+@mutant("OPN-14", check=LETS_GO, code="no-frame", at=server.HEARS_OF_MEMORY)
 def server_waits_for_the_release(original, self, connection, message):
     """Takes a frame for held until it is released, whatever becomes of its memory."""
     reader = self.readers.get(connection)
@@ -206,6 +209,14 @@ def server_waits_for_the_release(original, self, connection, message):
     if reader is not None:
         reader.lease = lease
     return refusal
+
+
+@mutant("OPN-14", check=LETS_GO, code="no-frame", at=server.HEARS_OF_MEMORY)
+def server_waits_for_the_release_of_what_failed(original, self, connection, message):
+    """Takes a frame for held until it is released or its memory closed; not if that failed."""
+    if isinstance(message, OpenFailed):
+        return server_waits_for_the_release(original, self, connection, message)
+    return original(self, connection, message)
 
 
 @mutant("IMG-5", check="check_images_of_another_size_are_right", code="other-pixels")
