@@ -36,7 +36,7 @@ def run(
 
 
 def said(*arguments: str) -> tuple[int, str]:
-    """Status and output of what comes to no checks, and so needs no process of its own."""
+    """Status and output of the harness within this process."""
     output = io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
         try:

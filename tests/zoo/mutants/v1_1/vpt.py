@@ -18,6 +18,7 @@ ANSWERS, TELLS = (
     "check_tells_every_reader_of_another_size",
 )
 KEEPS = "check_keeps_former_memory_until_it_is_closed"
+LETS_GO = "check_closed_ends_the_lease"
 
 
 def unhindered(patch, requirement, words):
@@ -195,9 +196,6 @@ def server_wipes_former_memory(original, self, *size):
 def server_frees_what_nobody_has_opened(patch):
     """Frees former memory once those who said that they had opened it have closed it."""
     forgets(patch, lambda reader, generation: generation not in reader.opened)
-
-
-LETS_GO = "check_closed_ends_the_lease"
 
 
 @mutant("OPN-14", check=LETS_GO, code="no-frame", at=server.HEARS_OF_MEMORY)
