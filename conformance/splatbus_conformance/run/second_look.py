@@ -40,14 +40,12 @@ class SecondLook:
 
     def end(self, first: Result, second: Result) -> str:
         """Note what both came to; what there is to tell of it."""
+        if first.verdict in BROKEN and second.verdict in BROKEN:
+            return ""
         if first.verdict in BROKEN:
             return (
-                ""
-                if second.verdict in BROKEN
-                else (
-                    f"{first.check} has shown what a second look did not, while the machine kept it"
-                    f" waiting: {first.text}"
-                )
+                f"{first.check} has shown what a second look did not, while the machine kept it"
+                f" waiting: {first.text}"
             )
         if second.verdict is Verdict.SKIP:
             self._in_vain |= {first.text, second.text}

@@ -335,6 +335,8 @@ def check_the_longest_pose(trial: ServerTrial) -> None:
 
 DRIP_SECONDS = 1.0
 """Between bytes of a packet that is not complete for half a minute."""
+BEGUN = 2
+"""So many bytes of the next packet come with the one before."""
 
 
 @check(
@@ -345,8 +347,10 @@ DRIP_SECONDS = 1.0
 )
 def check_incomplete_packet_is_given_up(trial: Trial, dribbles: bool) -> None:
     """A packet that stays incomplete for longer than the limit: half of it at once and then
-    silence; its first bytes behind a whole one; and one byte more every second.
+    silence; its first bytes behind a whole one; and one byte more every second. On another
+    connection to a server, each packet is complete after a second, and the next begins with it.
     """
+    steady = _steady(trial)
     dripping = _incomplete(trial, dribbles)
     began, everyone = trial.peer.clock(), list(dripping)
     for place in itertools.count():
@@ -355,6 +359,8 @@ def check_incomplete_packet_is_given_up(trial: Trial, dribbles: bool) -> None:
             break
         for connection, rest in dripping.items():
             connection.send(rest[place : place + 1])
+        for connection in steady:
+            connection.send(REQUEST[BEGUN:] + REQUEST[:BEGUN])
     trial.wait(trial.fate, REACTION_SECONDS)
     for connection, rest in dripping.items():
         closes = "closes" if connection.ended else "hangs"
@@ -363,8 +369,21 @@ def check_incomplete_packet_is_given_up(trial: Trial, dribbles: bool) -> None:
         what = f"a packet {how}, after {LIMIT} s on the {connection.channel} channel"
         trial.judge(closes if exits else trial.fate() or closes, what)
         connection.close()
+    for connection in steady:
+        what = "a connection on which each packet was complete after a second was closed"
+        trial.expect(not connection.ended, "too-soon", what)
+        connection.close()
     if isinstance(trial, ServerTrial):
         trial.expect(trial.serves(), "not-served", "the server answers nobody after half a packet")
+
+
+def _steady(trial: Trial) -> list[Connection]:
+    """A connection on which a packet has begun, where a server takes several."""
+    if isinstance(trial, ClientTrial) or any(trial.facts.alone.values()):
+        return []
+    connection = trial.dial("msg")
+    connection.send(REQUEST[:BEGUN])
+    return [connection]
 
 
 def _incomplete(trial: Trial, dribbles: bool) -> dict[Connection, bytes]:
@@ -372,7 +391,8 @@ def _incomplete(trial: Trial, dribbles: bool) -> dict[Connection, bytes]:
     if isinstance(trial, ServerTrial):
         silent = [trial.dial(channel) for channel in CHANNELS]
         for connection in silent:
-            connection.send(REQUEST[:16] if connection.channel == "ipc" else REQUEST + REQUEST[:2])
+            behind = REQUEST + REQUEST[:BEGUN]
+            connection.send(REQUEST[:16] if connection.channel == "ipc" else behind)
         drips = [] if any(trial.facts.alone.values()) else [trial.dial(it) for it in CHANNELS]
         return dict.fromkeys(silent, b"") | dict.fromkeys(drips, REQUEST)
     trial.role.welcomes = trial.role.offers_memory = False
@@ -380,7 +400,8 @@ def _incomplete(trial: Trial, dribbles: bool) -> dict[Connection, bytes]:
     connection = trial.connection("ipc")
     if trial.ends(connection, SETTLE_SECONDS):
         trial.not_observable("the testee closes the ipc channel, whatever comes")
-    connection.send(data[:100])
+    whole = not dribbles and trial.facts.speaks_1_1("ipc")  # where it is ignored (NEG-9)
+    connection.send(packet(encode(STRANGER)) * whole + data[:100])
     return {connection: data[100:] if dribbles else b""}
 
 

@@ -59,11 +59,14 @@ UNKNOWN_TYPES: tuple[Any, ...] = (
     *("viewport_size", "welcome", "error", "frame", "init_packet", "t" * 10_000, "🙂", "__class__"),
     *(None, True, 0, 1e308, [], ["get_viewport_size"], {}, {"type": "get_viewport_size"}),
 )
+OF_1_1: Json = {"t": 0, "width": 64, "height": 48}
+"""What its requests have."""
 UNKNOWN: tuple[Json, ...] = (
     *({"type": kind} for kind in UNKNOWN_TYPES),
     *({}, {"Type": "get_viewport_size"}, {"cam_idx": 0}),
     *(camera_pose() | {"type": kind} for kind in ("pose", "Camera_Pose", None, ["camera_pose"])),
     *(CAMERA_REQUEST | {"type": kind} for kind in ("camera", None, ["get_camera_pose"])),
+    *(OF_1_1 | {"type": kind} for kind in ("get_scene", "set_viewport", "ping")),
     {"viewport_size": [64, 48], "type": None},
     {name: value for name, value in camera_pose().items() if name != "type"},
 )
@@ -216,8 +219,8 @@ def _unknown(trial: ServerTrial) -> Cases:
 
 @check("REQ-8", on={SERVER: ()}, cases=_unknown, may_crash=True)
 def check_unknown_messages_are_ignored(trial: ServerTrial, message: Json) -> None:
-    """Types that nobody knows, or that are no strings, and messages without any; `hello`, where
-    the server speaks 1.0 alone.
+    """Types that nobody knows before `hello`, or that are no strings, and messages without any;
+    `hello`, where the server speaks 1.0 alone.
     """
     outcome = trial.outcome_on_msg(in_use(trial), packet(encode(message)))
     trial.judge(outcome, f"the message {shorten(str(message))}")

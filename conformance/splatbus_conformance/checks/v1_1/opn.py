@@ -258,19 +258,21 @@ def check_keeps_the_connection_after_failing(trial: ClientTrial) -> None:
 
 @check("OPN-5", on={CLIENT: TAKES_FURTHER})
 def check_closes_the_former_memory(trial: ClientTrial) -> None:
-    """Four pieces of memory of different sizes follow one another; frames are lent meanwhile. Each
-    former one is closed once, and nobody has it then, as Linux shows.
+    """Four pieces of memory of different sizes follow one another, and one that does not exist;
+    frames are lent meanwhile. Each former one is closed once, and nobody has it then, as Linux
+    shows.
     """
     trial.role.offers_memory = False
     connection = trial.for_init_packet()
     dealings = trial.with_(connection)
     with ExitStack() as held:
         former: HostMemory | None = None
-        for width in (64, 32, 64, 16):
+        for width in (64, 32, 64, 16, 0):
             memory = held.enter_context(HostMemory(ROOM))
             before, trial.role.width = dealings.generation, width
-            generation = announce(trial, connection, init_packet_1_1(memory.name, 0, width))
-            if not trial.opens(connection):
+            good = init_packet_1_1(memory.name, 0, width) if width else NOWHERE
+            generation = announce(trial, connection, good)
+            if width and not trial.opens(connection):
                 trial.not_observable(f"the testee did not open memory {width} pixels wide")
             if former is not None:
                 trial.expect(

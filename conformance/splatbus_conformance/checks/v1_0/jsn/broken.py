@@ -32,6 +32,7 @@ from splatbus_conformance.checks import (
 )
 from splatbus_conformance.trials.client import ClientTrial
 from splatbus_conformance.trials.controls import VIEWPORT_REQUEST
+from splatbus_conformance.trials.moves.agreement import unwelcome
 from splatbus_conformance.trials.moves.camera_control import CameraControl
 from splatbus_conformance.trials.moves.device_listener import DEVICE, DeviceListener, listening
 from splatbus_conformance.trials.moves.exchanges.asking import asking
@@ -218,8 +219,8 @@ def ignoring(trial: Trial, place: Place) -> Iterator[Ignoring]:
 )
 def check_handles_the_next_packet(trial: Trial, place: Place, given: Ignoring, row: Row) -> bool:
     """After each text that breaks a rule, and after three of them at once, comes a packet that has
-    an effect: memory is opened, a request answered, hello welcomed, a version refused. Whoever
-    closes the connection instead has ignored nothing.
+    an effect: memory is opened (after three that came before `welcome`), a request answered, hello
+    welcomed, a version refused. Whoever closes the connection instead has ignored nothing.
     """
     listener, judge = given
     texts = b"".join(packet(text.payload) for text in row)
@@ -234,6 +235,12 @@ def check_handles_the_next_packet(trial: Trial, place: Place, given: Ignoring, r
         if trial.fate():  # to end is to break JSN-10
             trial.charge_its_end()
             return False
+    elif len(row) > 1:
+        connection = unwelcome(trial, "ipc")
+        connection.send(texts)
+        trial.role.welcomes = True
+        trial.role.welcome(connection)
+        outcome = trial.outcome_on_ipc(connection)
     else:
         trial.role.offers_memory = False
         outcome = trial.outcome_on_ipc(trial.for_init_packet(), texts)

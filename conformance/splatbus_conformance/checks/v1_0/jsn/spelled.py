@@ -184,6 +184,8 @@ SAME = ("type", "id", "position", "rotation", "t", "viewport_size")
 TAGS = ("t", "t" * 64, "7c1f-41", '"\\/\b\f\n\r\t', "\x00\x1f\x7f\u2028", "é中🙂", "🙂" * 64)
 PROGRAM = {"name": TAGS[3], "version": TAGS[5]}
 """Whose name is made of what has escapes of its own, or needs several."""
+UNKNOWN_TO_1_0: Json = {"id": "", "tag": "", "intrinsics": {}}
+"""Whose names 1.1 knows (spec 1.1 chapter 6, NEG-27)."""
 REQUESTS_1_1: tuple[Json, ...] = (
     *({**request, "id": number} for number, request in enumerate(REQUESTS)),
     {"type": "get_scene", "id": 0},
@@ -197,13 +199,17 @@ def another_answer(said: Json, plainly: Json) -> bool:
     return any(said.get(it) != plainly.get(it) for it in SAME)
 
 
+def _of_1_0(trial: ServerTrial, message: Json) -> Json:
+    return message | (UNKNOWN_TO_1_0 if trial.requirement.id == "JSN-7" else {})
+
+
 @contextmanager
 def of_requests(trial: ServerTrial) -> Iterator[Judge]:
     """Of requests, each of which must be answered, once, and as when it is written plainly. A
     client of 1.1 asks in turns with one of 1.0, of the server that knows it.
     """
     plainly: dict[bytes, Json] = {}
-    askers = [(trial.dial("msg"), REQUESTS)]
+    askers = [(trial.dial("msg"), tuple(_of_1_0(trial, request) for request in REQUESTS))]
     if trial.facts.welcome["msg"] is not None and not trial.facts.alone["msg"]:
         width, height = trial.facts.size
         same: Json = {"type": "set_viewport", "width": width, "height": height, "id": 1}
@@ -251,7 +257,7 @@ def of_poses(trial: ServerTrial) -> Iterator[Judge]:
             poser.close()
             poser = trial.greeted("msg") if tags else trial.dial("msg")
         pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
-        pose |= {"tag": TAGS[number % len(TAGS)]} if tags else {}
+        pose = pose | {"tag": TAGS[number % len(TAGS)]} if tags else _of_1_0(trial, pose)
         if "intrinsics" in trial.with_(poser).granted and trial.facts.size != (0, 0):
             pose |= {"intrinsics": intrinsics(*trial.facts.size)}
         payload = writer(pose)
@@ -374,7 +380,8 @@ def check_ignores_unknown_members(
     trial: Trial, place: Place, judge: Judge, seed: int
 ) -> bool | None:
     """The same messages with unknown members at every level: odd names, names from other levels,
-    values nested to the limit, a decoy of the message itself.
+    values nested to the limit, a decoy of the message itself; where a server speaks 1.0, what 1.1
+    adds, and would refuse.
     """
     return judge(unknown_members(trial, seed))
 

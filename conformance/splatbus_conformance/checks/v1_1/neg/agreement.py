@@ -53,7 +53,7 @@ from splatbus_conformance.wire.message_kinds import (
     SERVER_1_1,
     newer,
 )
-from splatbus_conformance.wire.messages import Json, camera_pose, encode, intrinsics, reply
+from splatbus_conformance.wire.messages import Json, camera_pose, encode, hello, intrinsics, reply
 from splatbus_conformance.wire.packets import packet
 from splatbus_conformance.wire.recording import WORDS, Channel
 
@@ -92,7 +92,9 @@ def check_can_do_what_it_declares(trial: ClientTrial) -> None:
 
 @check("NEG-5", on={CLIENT: ("hello:ipc",)})
 def check_sends_only_what_was_granted(trial: ClientTrial) -> bool:
-    """First no welcome for a while, then one that grants host_shm alone."""
+    """First no welcome for a while, then one that grants host_shm alone, and a frame all the same
+    of the memory that the testee has opened.
+    """
     trial.role.welcomes = False
     connections = {channel: trial.connection(channel) for channel in sorted(trial.facts.connects)}
     for channel, connection in connections.items():
@@ -109,6 +111,8 @@ def check_sends_only_what_was_granted(trial: ClientTrial) -> bool:
     dealings = trial.with_(connection)
     trial.role.welcome(connection, capabilities=["host_shm"])
     answered = trial.wait(lambda: dealings.opened | dealings.failed)
+    if dealings.opened:
+        trial.lend(connection)
     listen(trial, connection)
     more = heard(trial, connection) - {"hello", "opened", "open_failed"}
     told = f"it sent {listing(more)}, which welcome did not grant"
@@ -431,7 +435,9 @@ def check_refuses_broken_hellos(trial: ServerTrial, channel: Channel, changes: J
 
 @check("NEG-33", on=ON_EITHER)
 def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial, channel: Channel) -> None:
-    """A client that offers everything, and speaks 1.0 alone: what follows is as without `hello`."""
+    """A client that offers everything, and speaks 1.0 alone: what follows is as without `hello`,
+    and another `hello` is none of 1.0.
+    """
     everything = list(CAPABILITIES[channel])
     connection, answer = trial.answered(channel, versions=["1.0"], capabilities=everything)
     if within(answer, "code") == "unsupported_version":
@@ -440,6 +446,7 @@ def check_speaks_1_0_to_who_asked_for_it(trial: ServerTrial, channel: Channel) -
     trial.expect(within(answer, "type") == "welcome", "no-welcome", what)
     trial.expect(within(answer, "capabilities") == [], "other-capabilities", what)
     heard = trial.with_(connection).heard
+    trial.viewer.say(connection, hello(everything, trial.viewer.token))
     if channel == "msg":
         if not trial.facts.alone["msg"]:
             trial.move()  # another client has control, once it is answered

@@ -118,6 +118,7 @@ def check_reports_nothing_before_hello(trial: ServerTrial, channel: Channel) -> 
 OF_NO_REQUEST = [
     IN_TEXT["a brace"],
     *(encode(it) for it in IN_MESSAGES["msg"].values() if it.get("type") not in REQUESTS),
+    encode(NO_ROTATION | {"id": 9}),
 ]
 
 

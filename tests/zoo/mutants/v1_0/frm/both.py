@@ -98,6 +98,21 @@ def each_byte_gives_a_packet_more_time(patch):
     counts_each_byte(patch)
 
 
+@mutant(
+    "FRM-5",
+    check="check_incomplete_packet_is_given_up",
+    code="hangs",
+    both=True,
+    at=wire.NEXT_OF_READER,
+)
+def times_no_packet_behind_another(original, self, now):
+    """Waits for ever for the rest of a packet that began behind a whole one."""
+    payload: bytes | None = original(self, now)
+    if payload is not None:
+        self.deadline = now + NEVER
+    return payload
+
+
 @mutant("FRM-5", check="check_incomplete_packet_is_given_up", code="hangs", both=True)
 def waits_for_the_rest_of_a_packet(patch):
     """Waits for ever for the rest of a packet."""

@@ -250,6 +250,21 @@ def server_waits_forever_behind_another_size(original, self, now):
     self.reader.deadline = math.inf
 
 
+@mutant(
+    "FRM-5",
+    check="check_incomplete_packet_is_given_up",
+    code="too-soon",
+    at=wire.NEXT_OF_READER,
+)
+def server_counts_from_the_packet_before(original, self, now):
+    """Counts the time of a packet that began behind a whole one from when that began."""
+    deadline = self.deadline
+    payload = original(self, now)
+    if payload is not None and self.incomplete:
+        self.deadline = deadline
+    return payload
+
+
 @mutant("FRM-4", check="check_the_longest_packet", code="no-reply")
 def server_refuses_the_longest_packet_after_hello(patch):
     """Refuses requests of the greatest length of a client of 1.1."""

@@ -218,6 +218,19 @@ def deaf_after_broken_text(patch):
     client.TAKES_PAYLOAD_ON_IPC.wrap(patch, on_payload)
 
 
+@mutant(
+    "JSN-9",
+    check="check_handles_the_next_packet",
+    code="hangs",
+    at=client.TAKES_BROKEN_PACKET,
+)
+def takes_broken_text_for_1_0(original, self, payload, problem):
+    """Takes a server for one of 1.0 whose first packet cannot be read."""
+    yield from original(self, payload, problem)
+    if self.version is None:
+        self.version = "1.0"
+
+
 @mutant("JSN-9", check="check_handles_the_next_packet", code="hangs")
 def deaf_after_broken_text_on_the_message_channel(patch):
     """Keeps the message connection after a text that is no JSON, and handles nothing more."""

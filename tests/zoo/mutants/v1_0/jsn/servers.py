@@ -5,6 +5,7 @@ import re
 
 from splatbus_server import api, connection
 from splatbus_server.connection import Connection, Refusal
+from splatbus_server.session import MESSAGE_CAPABILITIES
 from splatbus_wire.errors import ProtocolError
 from splatbus_wire.messages import GetScene
 from splatbus_wire.poses import IDENTITY
@@ -98,6 +99,29 @@ def server_knows_all_members_of_requests(patch):
 def server_knows_all_members_of_poses(patch):
     """Refuses poses with members that it does not know."""
     _refuses(patch, "msg", _has_unknown_members, "camera_pose")
+
+
+@mutant("JSN-7", check="check_ignores_unknown_members", code="ignores")
+def server_reads_tags_before_hello(patch):
+    """Refuses poses of 1.0 for members that only 1.1 knows."""
+    decodes_as_after_hello(patch, b'"camera_pose"')
+
+
+@mutant("JSN-7", check="check_ignores_unknown_members", code="closes")
+def server_reads_ids_before_hello(patch):
+    """Refuses requests of 1.0 for an `id` that only 1.1 knows."""
+    decodes_as_after_hello(patch, b"get_")
+
+
+def decodes_as_after_hello(patch, word):
+    """Take the messages that hold this for those of a client that said hello."""
+
+    def decode(original, payload, channel, *, said_hello, agreed):
+        if said_hello or word not in payload:
+            return original(payload, channel, said_hello=said_hello, agreed=agreed)
+        return original(payload, channel, said_hello=True, agreed=MESSAGE_CAPABILITIES)
+
+    server.DECODES.wrap(patch, decode)
 
 
 @mutant("JSN-7", check="check_ignores_unknown_members", code="closes")

@@ -16,6 +16,7 @@ from splatbus_wire.poses import Pose
 from tests.zoo.faults.seams import renderer, server
 from tests.zoo.faults.surgery import messages, of_type
 from tests.zoo.mutant import mutant
+from tests.zoo.mutants.v1_0.jsn.servers import decodes_as_after_hello
 
 CAMERAS = tuple(Pose((float(n), 0.5, -4.0), (0.0, 0.6, 0.0, 0.8)) for n in range(3))
 
@@ -87,6 +88,12 @@ def server_answers_unknown_types(original, self, payload, now):
     event = original(self, payload, now)
     unknown = isinstance(event, Refusal) and event.code == "unknown_type"
     return GetViewportSize(None, None) if unknown else event
+
+
+@mutant("REQ-8", check="check_unknown_messages_are_ignored", code="replies")
+def server_answers_pings_before_hello(patch):
+    """Answers the `ping` of 1.1 where nobody said hello."""
+    decodes_as_after_hello(patch, b'"ping"')
 
 
 def stumbles_over_hello(patch):

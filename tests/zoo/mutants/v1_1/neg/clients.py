@@ -289,6 +289,18 @@ def releases_without_the_capability(patch):
     client.SAYS_OPENED.wrap(patch, opened)
 
 
+@mutant(
+    "NEG-5",
+    check="check_sends_only_what_was_granted",
+    code="not-granted",
+    at=client.TAKES_WELCOME_ON_IPC,
+)
+def takes_frames_that_were_not_agreed(original, self, welcome):
+    """Takes frames whether `welcome` lists `frames` or not."""
+    yield from original(self, welcome)
+    self.capabilities |= {"frames"}
+
+
 @mutant("NEG-37", code="id-in-use")
 def asks_again_with_the_same_id(patch):
     """Sends each request twice, to be sure, with the same id."""

@@ -211,6 +211,20 @@ def server_forgives_broken_hellos(original, self, reason, now):
     "NEG-23",
     check="check_errors_about_no_request_name_none",
     code="has-an-id",
+    at=server.REFUSES_PACKET,
+)
+def server_gives_back_what_poses_call_an_id(original, self, error, now):
+    """Gives an error about a camera's pose the `id` that stands in the pose."""
+    kind, id_ = type_and_id(error.received)
+    if kind == "camera_pose":
+        return self.complain(Refusal(error.code, str(error), error.pointer, id_))
+    return original(self, error, now)
+
+
+@mutant(
+    "NEG-23",
+    check="check_errors_about_no_request_name_none",
+    code="has-an-id",
 )
 def server_names_the_last_request_in_errors(patch):
     """Puts the id of the newest request into every error."""

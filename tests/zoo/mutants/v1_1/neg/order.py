@@ -68,6 +68,19 @@ def server_goes_by_a_second_hello(original, self, hello, now):
     return original(self, hello, now)
 
 
+@mutant(
+    "NEG-33",
+    check="check_speaks_1_0_to_who_asked_for_it",
+    code="newer-version",
+    at=server.UNDERSTANDS,
+)
+def server_speaks_1_1_to_who_asks_again(original, self, payload, now):
+    """Agrees on 1.0, and on 1.1 by a second hello."""
+    if self.state is State.AGREED_ON_1_0 and b'"hello"' in payload:
+        self.state = State.NEW
+    return original(self, payload, now)
+
+
 @mutant("NEG-33", check="check_the_token_lets_1_0_in", code="no-reply")
 def server_wants_1_1_of_who_has_the_token(patch):
     """Serves nobody who said the token and agreed on 1.0."""
