@@ -1,15 +1,16 @@
 """`python -m tests long`: all that takes longer than a test may, in as many sittings as it takes.
 
 Each foreign program and each client for an engine, in the profile full, some at a time; alone on
-the machine the extension in each Blender, the C++ client's programs for Windows under Wine, and the
-reference pair with three seeds; the pair once more beside two processes that never rest. The seeds
-hang on the commit of the first sitting. What is done stays done until a source changes.
+the machine, but for who only waits, the extension in each Blender, the C++ client's programs for
+Windows under Wine, and the reference pair with three seeds; the pair once more beside two processes
+that never rest. The seeds hang on the commit of the first sitting. What is done stays done until a
+source changes.
 """
 
 import argparse
 import contextlib
-import itertools
 import json
+import math
 import os
 import shlex
 import shutil
@@ -59,6 +60,8 @@ PAIR = {
 GOOD = frozenset({"pass", "skip", "warn"})
 AT_A_TIME = 3 * (os.cpu_count() or 1)
 """Of foreign programs, which mostly wait: a run takes a third of a core."""
+WAITS = frozenset({"server reluctant"})
+"""Programs that answer late, each time: an hour, in which the processors idle."""
 BUSY = 2
 """Processes that never rest."""
 RUN_SECONDS = foreign_programs.RUN_SECONDS = 3600  # theirs is for the profile that tests run
@@ -73,15 +76,17 @@ class Task:
     name: str
     run: Callable[[Path], Wrong]
     """In a folder of its own."""
-    at_a_time: int = 1
-    """How many such tasks may run beside each other."""
+    at_a_time: float = 1
+    """How many such tasks may run beside each other; beside any others if there is no limit."""
 
 
 def plan(commit: str) -> Iterator[Task]:
     """Every task: those of others first, which have found most."""
     seed = int(commit[:6], 16)
-    for program in (*programs("client"), *programs("server")):
-        yield Task(f"{program.side} {program.name}", partial(foreign, program, seed), AT_A_TIME)
+    others = {f"{it.side} {it.name}": it for it in (*programs("client"), *programs("server"))}
+    for name in sorted(others, key=lambda name: name not in WAITS):
+        at_a_time = math.inf if name in WAITS else AT_A_TIME
+        yield Task(name, partial(foreign, others[name], seed), at_a_time)
     for language, axes in ENGINES.items():
         for words in ("Viewer", *(f"Adapter {each}" for each in axes)):
             yield Task(f"{language} {words}", partial(engine, language, words, seed), AT_A_TIME)
@@ -183,8 +188,7 @@ def long(words: list[str]) -> int:
     state = begun()
     tasks = [task for task in plan(state["commit"]) if task.name not in state["tasks"]]
     print(f"{len(state['tasks'])} tasks are done, {len(tasks)} are left")
-    for at_a_time, alike in itertools.groupby(tasks, lambda task: task.at_a_time):
-        sit(list(alike), state, until, at_a_time)
+    sit(tasks, state, until)
     for sentence in (told := sentences(state)):
         print(sentence)
     return 1 if told[1:] or not whole(state) else 0
@@ -201,12 +205,12 @@ def begun() -> dict[str, Any]:
     return {"commit": git("rev-parse", "HEAD"), "seconds": 0, "tasks": {}}
 
 
-def sit(tasks: list[Task], state: dict[str, Any], until: float, at_a_time: int) -> None:
-    """Do tasks, so many at a time, until it is time; each is stored as soon as it is done."""
+def sit(tasks: list[Task], state: dict[str, Any], until: float) -> None:
+    """Do tasks until it is time; each is stored as soon as it is done."""
     running: dict[Future[Wrong], Task] = {}
-    with ThreadPoolExecutor(at_a_time) as pool:
+    with ThreadPoolExecutor(len(tasks) or 1) as pool:
         while running or (tasks and time.monotonic() < until):
-            while tasks and len(running) < at_a_time and time.monotonic() < until:
+            while tasks and fits(tasks[0], list(running.values())) and time.monotonic() < until:
                 task = tasks.pop(0)
                 running[pool.submit(done, task)] = task
             began = time.monotonic()
@@ -217,6 +221,13 @@ def sit(tasks: list[Task], state: dict[str, Any], until: float, at_a_time: int) 
                 state["tasks"][task.name] = wrong
                 print(f"{task.name}: {'; '.join(wrong) or 'as it must be'}", flush=True)
             save(state)
+
+
+def fits(task: Task, running: list[Task]) -> bool:
+    """Whether a task may begin beside those that run."""
+    beside = [it.at_a_time for it in running if it.at_a_time < math.inf]
+    alike = {*beside} <= {task.at_a_time}
+    return task.at_a_time == math.inf or (alike and len(beside) < task.at_a_time)
 
 
 def done(task: Task) -> Wrong:

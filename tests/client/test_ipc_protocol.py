@@ -24,10 +24,6 @@ SECOND = init_packet(generation=2)
 # What the owner does upon the newest event
 
 
-def fails(machine, event):
-    machine.open_failed(event.packet, "no")
-
-
 def closes(machine, event):
     machine.closed(1)
 
@@ -46,24 +42,12 @@ EXCHANGES = {
         [Announced],
         [("release", 1, 7), ("release", 1, 8)],
     ),
-    "one that fails ends the former too": (
-        opened,
-        [SECOND, fails, closes],
-        [Announced],
-        [("open_failed", 2), ("closed", 1)],
-    ),
     "what is open is never called closed": (opened, [frame(7), closes], [Lent], []),
     "an error closes nothing": (greeted, [ERROR, init_packet()], [ServerError, Announced], []),
     "a malformed frame never gives back what is being read": (
         opened,
         [frame(7), frame(7) | MALFORMED],
         [Lent, Ignored],
-        [],
-    ),
-    "without frames none is lent or given back": (
-        lambda: opened("host_shm"),
-        [frame(7), frame(8) | MALFORMED],
-        [Ignored, Ignored],
         [],
     ),
 }

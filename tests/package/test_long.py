@@ -47,9 +47,9 @@ def test_a_sitting_ends_in_time_and_the_next_goes_on(result):
     tasks = [long.Task(name, lambda scratch: []) for name in "ab"]
     tasks.append(long.Task("c", fails))
     first = state()
-    long.sit(list(tasks), first, time.monotonic() - 1, 2)
+    long.sit(list(tasks), first, time.monotonic() - 1)
     assert not result.exists()
-    long.sit(tasks, first, time.monotonic() + 60, 2)
+    long.sit(tasks, first, time.monotonic() + 60)
     assert json.loads(result.read_text())["tasks"] == {
         "a": [],
         "b": [],

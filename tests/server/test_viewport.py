@@ -78,32 +78,22 @@ def test_the_renderer_that_was_faster_wins(stage: Stage) -> None:
 
 
 @pytest.mark.parametrize(
-    ("says", "is_ended"),
+    "says",
     [
-        ([{"type": "opened", "generation": 2}, {"type": "closed", "generation": 1}], False),
-        ([{"type": "closed", "generation": 1}], False),
-        ([{"type": "open_failed", "generation": 1, "reason": "no"}], False),
-        ([{"type": "opened", "generation": 2}], True),
-        ([], True),
+        [{"type": "opened", "generation": 2}, {"type": "closed", "generation": 1}],
+        [{"type": "closed", "generation": 1}],
+        [{"type": "open_failed", "generation": 1, "reason": "no"}],
     ],
 )
-def test_who_keeps_former_memory_is_disconnected(
-    stage: Stage, says: list[Any], is_ended: bool
-) -> None:
-    """[VPT-7, VPT-8]: after that the size can change again; who let go can take its time."""
+def test_who_let_go_of_former_memory_can_take_its_time(stage: Stage, says: list[Any]) -> None:
+    """[VPT-7, VPT-8]: meanwhile the size can change again."""
     reader, prompt, asker = stage.reader(), stage.reader(), stage.steerer()
     stage.now = 100.0
     asker.resize()
     reader.say(*says)
     prompt.answer(2, 1)
-    stage.wait(LET_GO_SECONDS - 0.01)
+    stage.wait(10 * LET_GO_SECONDS)
     assert reader.connection.is_open
-    stage.wait(10 * LET_GO_SECONDS if not is_ended else 0.02)
-    assert ("VPT-8" in str(reader.connection.ending)) == is_ended
-    assert prompt.connection.is_open
-    if is_ended:
-        assert asker.resize(16, 12)["code"] == "busy"
-        reader.leave()
     assert stage.exchange.replaced == []
     assert asker.resize(16, 12)["viewport_size"] == [16, 12]
     assert stage.memory.is_freed

@@ -57,16 +57,14 @@ BAD_REQUESTS = [
 UNKNOWN_TYPES: tuple[Any, ...] = (
     *("weather_report", "", " ", "GET_VIEWPORT_SIZE", "get_viewport_size ", "get_viewport", "\x00"),
     *("viewport_size", "welcome", "error", "frame", "init_packet", "t" * 10_000, "🙂", "__class__"),
+    "get_scene",
     *(None, True, 0, 1e308, [], ["get_viewport_size"], {}, {"type": "get_viewport_size"}),
 )
-OF_1_1: Json = {"t": 0, "width": 64, "height": 48}
-"""What its requests have."""
 UNKNOWN: tuple[Json, ...] = (
     *({"type": kind} for kind in UNKNOWN_TYPES),
     *({}, {"Type": "get_viewport_size"}, {"cam_idx": 0}),
     *(camera_pose() | {"type": kind} for kind in ("pose", "Camera_Pose", None, ["camera_pose"])),
     *(CAMERA_REQUEST | {"type": kind} for kind in ("camera", None, ["get_camera_pose"])),
-    *(OF_1_1 | {"type": kind} for kind in ("get_scene", "set_viewport", "ping")),
     {"viewport_size": [64, 48], "type": None},
     {name: value for name, value in camera_pose().items() if name != "type"},
 )

@@ -443,9 +443,6 @@ def check_keeps_memory_while_somebody_has_it(trial: ServerTrial, place: Place) -
             )
         told = f"after another reader's {answer}"
         trial.expect(
-            not holder.ended, "another-closed", f"{told} the connection of the first was closed"
-        )
-        trial.expect(
             memory.size() == size, "size-changed", f"{told} the memory has {memory.size()} bytes"
         )
         same = contents(memory, slot) == image
@@ -601,9 +598,6 @@ def check_closes_who_does_not_let_go(trial: ServerTrial, client: Connection) -> 
             seconds >= LET_GO_SECONDS - 2 * SOON, "closed-too-early", f"{told}, was closed then"
         )
     trial.expect(not other.ended, "another-closed", "with it a reader was closed that had let go")
-    trial.expect(
-        trial.sees(other, trial.move()), "no-frame", "afterwards another reader sees no move"
-    )
     resizing.changed(trial, client, other_sizes(trial)[1])
 
 

@@ -8,10 +8,8 @@ from splatbus_conformance.trials.moves.image_session import answers, placed
 from splatbus_conformance.trials.server import ServerTrial
 from splatbus_conformance.wire.json_values import (
     array,
-    integer_in,
     numbers,
     show,
-    text_of,
     whole,
     within,
 )
@@ -30,15 +28,10 @@ def check_tells_of_its_scene(trial: ServerTrial) -> None:
     are as many as can be told apart, its origin is that of the init packet.
     """
     told = trial.ask(trial.greeted("msg"), SCENE | {"id": 2**53 - 1})
-    kind, named = within(told, "type"), within(told, "id")
+    kind = within(told, "type")
     unlike = "another-answer" if told else "no-reply"
     trial.expect(kind == "scene", unlike, f"get_scene was answered by {show(kind)}")
-    trial.expect(whole(named) == 2**53 - 1, "wrong-id", f"the id of the reply is {show(named)}")
-    held = within(told, "objects")
-    trial.expect(isinstance(held, list), "not-an-array", f"objects is {show(held)}")
-    ids = [within(it, "id") for it in held]
-    sound = all(text_of(name, 1, 64) for name in ids) and len({*map(str, ids)}) == len(ids)
-    trial.expect(sound, "invalid-ids", f"the ids of objects are {show(ids)}")
+    ids = [within(it, "id") for it in array(within(told, "objects"))]
     _expect_bounds_of_their_own(trial)
     if trial.facts.grants("objects"):
         poser = trial.greeted("msg")
@@ -76,7 +69,6 @@ def _expect_bounds_of_their_own(trial: ServerTrial) -> None:
 
 
 def _expect_cameras(trial: ServerTrial, count: object) -> None:
-    trial.expect(integer_in(count, 0), "not-a-count", f"cameras is {show(count)}")
     connection, number = trial.dial("msg"), whole(count) or 0
     if number > MOST_CAMERAS:
         return

@@ -54,8 +54,6 @@ def check_releases_each_frame_once(trial: ClientTrial, _: Place, lender: FrameLe
     trial.expect(
         not twice, "released-twice", f"frame {min(twice, default=0)} was released more than once"
     )
-    unknown = set(dealings.released) - set(dealings.frames)
-    trial.expect(not unknown, "never-lent", f"it released {unknown}, which were never lent")
 
 
 @check("IMG-24", on={CLIENT: RETURNS}, may_crash=True)
@@ -66,7 +64,6 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
     cases = list(broken_frames(trial.role.width, trial.role.height))
     for broken in trial.each(cases, kind=lambda case: case.kind):
         connection = reading_on(trial)
-        released = trial.with_(connection).released
         frame = broken.of(trial.next_frame(connection))
         trial.role.say(connection, frame)
         given_back = trial.releases(connection, frame["seq"])
@@ -76,8 +73,6 @@ def check_releases_frames_that_it_cannot_use(trial: ClientTrial) -> None:
             trial.expect(
                 given_back, "not-released", f"{what}: its slot was not released within 5 s"
             )
-            once = released.count(frame["seq"]) == 1
-            trial.expect(once, "released-twice", f"{what}: its slot was released more than once")
         elif not given_back:
             trial.expect(
                 trial.comes_back("ipc"), "closed-for-good", f"{what}: the testee closed, for good"

@@ -135,13 +135,10 @@ def other_tokens(trial: ServerTrial, token: str) -> Cases:
 
 @check("NEG-18", on=ON_ANY, given=with_token, cases=other_tokens)
 def check_refuses_other_tokens(trial: ServerTrial, _: str, token: str | None) -> None:
-    """A hello with another token, on either channel, is told `unauthorized`, and that is all."""
+    """A hello with another token, on either channel, is told `unauthorized`."""
     for channel in CHANNELS:
         with_it = "no token" if token is None else f"the token {token!r}"
-        what = f"{channel}: a hello with {with_it}"
-        packets = len(refused(trial, channel, "unauthorized", what, token=token).messages)
-        told = f"{what} was sent {packets} packets, not unauthorized alone"
-        trial.expect(packets == 1, "further-packet", told)
+        refused(trial, channel, "unauthorized", f"{channel}: a hello with {with_it}", token=token)
 
 
 @check("NEG-19", on=ON_ANY, given=with_token)

@@ -91,9 +91,9 @@ def server_answers_unknown_types(original, self, payload, now):
 
 
 @mutant("REQ-8", check="check_unknown_messages_are_ignored", code="replies")
-def server_answers_pings_before_hello(patch):
-    """Answers the `ping` of 1.1 where nobody said hello."""
-    decodes_as_after_hello(patch, b'"ping"')
+def server_tells_its_scene_before_hello(patch):
+    """Answers the `get_scene` of 1.1 where nobody said hello."""
+    decodes_as_after_hello(patch, b'"get_scene"')
 
 
 def stumbles_over_hello(patch):
