@@ -350,8 +350,8 @@ def check_incomplete_packet_is_given_up(trial: Trial, dribbles: bool) -> None:
     silence; its first bytes behind a whole one; and one byte more every second. On another
     connection to a server, each packet is complete after a second, and the next begins with it.
     """
-    steady = _steady(trial)
     dripping = _incomplete(trial, dribbles)
+    steady = _steady(trial)
     began, everyone = trial.peer.clock(), list(dripping)
     for place in itertools.count():
         left = began + LIMIT + EFFECT_SECONDS - trial.peer.clock()
@@ -376,10 +376,12 @@ def check_incomplete_packet_is_given_up(trial: Trial, dribbles: bool) -> None:
 
 
 def _steady(trial: Trial) -> list[Connection]:
-    """A connection on which a packet has begun, where a server takes several."""
+    """A connection on which a packet has begun, where a server takes one more."""
     if isinstance(trial, ClientTrial) or any(trial.facts.alone.values()):
         return []
     connection = trial.dial("msg")
+    if not trial.answers(connection):
+        return []
     connection.send(REQUEST[:BEGUN])
     return [connection]
 

@@ -159,7 +159,9 @@ CLOSING_SECONDS = 0.03
 """For a testee to close on such a text, before what follows is sent."""
 TEXTS = broken_texts({"type": "weather_report", "sunny": True})
 ALONE: list[Row] = [[text] for text in TEXTS]
-ROWS = [*ALONE, *(TEXTS[place : place + 3] for place in range(0, len(TEXTS), 3))]
+FIRST: Row = TEXTS[:2]
+"""They come before `welcome`, to a client."""
+ROWS = [*ALONE, FIRST, *(TEXTS[place : place + 3] for place in range(0, len(TEXTS), 3))]
 ANSWERED = {"ignores", "replies", "reports"}
 Ignoring = tuple[DeviceListener | None, Callable[[Row, str], bool]]
 
@@ -219,8 +221,8 @@ def ignoring(trial: Trial, place: Place) -> Iterator[Ignoring]:
 )
 def check_handles_the_next_packet(trial: Trial, place: Place, given: Ignoring, row: Row) -> bool:
     """After each text that breaks a rule, and after three of them at once, comes a packet that has
-    an effect: memory is opened (after three that came before `welcome`), a request answered, hello
-    welcomed, a version refused. Whoever closes the connection instead has ignored nothing.
+    an effect: memory is opened (once after two that came before `welcome`), a request answered,
+    hello welcomed, a version refused. Whoever closes the connection instead has ignored nothing.
     """
     listener, judge = given
     texts = b"".join(packet(text.payload) for text in row)
@@ -235,7 +237,7 @@ def check_handles_the_next_packet(trial: Trial, place: Place, given: Ignoring, r
         if trial.fate():  # to end is to break JSN-10
             trial.charge_its_end()
             return False
-    elif len(row) > 1:
+    elif row == FIRST:
         connection = unwelcome(trial, "ipc")
         connection.send(texts)
         trial.role.welcomes = True
