@@ -324,7 +324,7 @@ def ipc_channel(connection):
             waiting = message
         elif message and "type" not in message and "meta" in message and granted is None:
             granted = []  # a server of 1.0: say nothing more [NEG-14]
-        elif kind == "frame" and images and lends(message, images):
+        elif kind == "frame" and images and "frames" in granted and lends(message, images):
             seen = show(images, message, seen)
             lease = {"generation": images.generation, "seq": message["seq"]}
             connection.sendall(packet({"type": "release"} | lease))

@@ -518,3 +518,6 @@ def check_cut_request_is_not_answered(trial: ServerTrial, number: int) -> None:
         "unasked-reply",
         f"{replies} replies to {number} whole requests and one that was cut short",
     )
+    trial.expect(
+        trial.serves(), "not-served", "the server answers nobody after a request was cut short"
+    )

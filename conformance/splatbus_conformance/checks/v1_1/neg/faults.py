@@ -112,6 +112,7 @@ def check_reports_nothing_before_hello(trial: ServerTrial, channel: Channel) -> 
         told = f"{channel}: {what}: error {', '.join(errors)} before hello"
         trial.expect(not errors, "before-hello", told)
         connection.close()
+    trial.expect(trial.serves(), "not-served", "a new connection is not served")
 
 
 OF_NO_REQUEST = [

@@ -116,10 +116,10 @@ def server_reads_ids_before_hello(patch):
 def decodes_as_after_hello(patch, word):
     """Take the messages that hold this for those of a client that said hello."""
 
-    def decode(original, payload, channel, *, said_hello, agreed):
-        if said_hello or word not in payload:
-            return original(payload, channel, said_hello=said_hello, agreed=agreed)
-        return original(payload, channel, said_hello=True, agreed=MESSAGE_CAPABILITIES)
+    def decode(original, payload, *arguments, **named):
+        if word in payload and not named["said_hello"]:
+            named |= {"said_hello": True, "agreed": MESSAGE_CAPABILITIES}
+        return original(payload, *arguments, **named)
 
     server.DECODES.wrap(patch, decode)
 

@@ -204,11 +204,11 @@ def never_says_closed(patch):
     client.SAYS_CLOSED.replace(patch, lambda *_: None)
 
 
-@mutant("OPN-5", check=FORMER, code="not-closed", at=client.GOES_WITHOUT)
-def keeps_what_it_has_if_it_cannot_open_more(original, self, reason):
-    """Keeps the former memory where it cannot open the new."""
-    if self.mapped is None:
-        original(self, reason)
+@mutant("OPN-5", check=FORMER, code="not-closed", at=client.SAYS_OPEN_FAILED)
+def keeps_what_it_has_if_it_cannot_open_more(original, self, *arguments):
+    """Does not say that the former memory is closed where it cannot open the new."""
+    original(self, *arguments)
+    self.retired.clear()
 
 
 @mutant("OPN-5", check=FORMER, code="still-mapped")
