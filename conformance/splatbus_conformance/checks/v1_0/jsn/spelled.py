@@ -199,8 +199,9 @@ def another_answer(said: Json, plainly: Json) -> bool:
     return any(said.get(it) != plainly.get(it) for it in SAME)
 
 
-def _of_1_0(trial: ServerTrial, message: Json) -> Json:
-    return message | (UNKNOWN_TO_1_0 if trial.requirement.id == "JSN-7" else {})
+def _of_1_0(trial: ServerTrial, connection: Connection, message: Json) -> Json:
+    unknown = trial.requirement.id == "JSN-7" and not trial.with_(connection).welcome
+    return message | (UNKNOWN_TO_1_0 if unknown else {})
 
 
 @contextmanager
@@ -209,7 +210,8 @@ def of_requests(trial: ServerTrial) -> Iterator[Judge]:
     client of 1.1 asks in turns with one of 1.0, of the server that knows it.
     """
     plainly: dict[bytes, Json] = {}
-    askers = [(trial.dial("msg"), tuple(_of_1_0(trial, request) for request in REQUESTS))]
+    first = trial.dial("msg")
+    askers = [(first, tuple(_of_1_0(trial, first, request) for request in REQUESTS))]
     if trial.facts.welcome["msg"] is not None and not trial.facts.alone["msg"]:
         width, height = trial.facts.size
         same: Json = {"type": "set_viewport", "width": width, "height": height, "id": 1}
@@ -257,7 +259,7 @@ def of_poses(trial: ServerTrial) -> Iterator[Judge]:
             poser.close()
             poser = trial.greeted("msg") if tags else trial.dial("msg")
         pose = camera_pose((number % 97 / 4, -1.5, 1e-7), (0.0, 0.6, -0.0, 0.8))
-        pose = pose | {"tag": TAGS[number % len(TAGS)]} if tags else _of_1_0(trial, pose)
+        pose = pose | {"tag": TAGS[number % len(TAGS)]} if tags else _of_1_0(trial, poser, pose)
         if "intrinsics" in trial.with_(poser).granted and trial.facts.size != (0, 0):
             pose |= {"intrinsics": intrinsics(*trial.facts.size)}
         payload = writer(pose)
