@@ -50,6 +50,12 @@ EXCHANGES = {
         [Lent, Ignored],
         [],
     ),
+    "without frames none is lent or given back": (
+        lambda: opened("host_shm"),
+        [frame(7), frame(8) | MALFORMED],
+        [Ignored, Ignored],
+        [],
+    ),
 }
 
 

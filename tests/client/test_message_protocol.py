@@ -1,10 +1,13 @@
 """The message channel's machine: bytes and times in, events and bytes out."""
 
+import math
+
 import pytest
 from splatbus_client.clock import Sample
 from splatbus_client.events import (
     Ignored,
     Measured,
+    MustClose,
     Negotiated,
     NotOffered,
     Replied,
@@ -78,6 +81,18 @@ def test_an_equal_question_is_shared_until_it_is_sent_but_no_ping_and_no_change_
     assert machine.ask(GetCameraPose(4)) != ticket
     others = [Ping(1.0), SetViewport(4, 3), SetViewport(4, 3), Ping(1.0)]
     assert len({machine.ask(request) for request in others}) == len(others)
+
+
+def test_a_reply_that_comes_late_closes():
+    assert of_1_0().deadline() == math.inf, "nothing is asked"
+    machine = MessageProtocol(MESSAGE_HELLO)
+    sent(machine, 5.0)
+    due = machine.deadline()
+    assert due < 5.0 + LIMITS["reply_seconds"]
+    assert machine.expire(due - 0.001) == []
+    (event,) = machine.expire(due)
+    assert isinstance(event, MustClose)
+    assert "CHN-15" in event.reason
 
 
 def test_a_size_that_is_not_known_is_asked_for_again_but_not_at_once():

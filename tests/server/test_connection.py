@@ -65,12 +65,10 @@ TALKS: dict[str, tuple[list[Any], list[str], list[str], str]] = {
         ],
         ["Hello", *["invalid_message"] * 9, *["unknown_type"] * 2, "GetViewportSize"],
         [
-            *(
-                "welcome 1.1",
-                "invalid_message /cam_idx 7",
-                "invalid_message /cam_idx",
-                *["invalid_message /id"] * 7,
-            ),
+            "welcome 1.1",
+            "invalid_message /cam_idx 7",
+            "invalid_message /cam_idx",
+            *["invalid_message /id"] * 7,
             *["unknown_type /type"] * 2,
         ],
         "",

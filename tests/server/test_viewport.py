@@ -85,15 +85,18 @@ def test_the_renderer_that_was_faster_wins(stage: Stage) -> None:
         [{"type": "open_failed", "generation": 1, "reason": "no"}],
     ],
 )
-def test_who_let_go_of_former_memory_can_take_its_time(stage: Stage, says: list[Any]) -> None:
-    """[VPT-7, VPT-8]: meanwhile the size can change again."""
-    reader, prompt, asker = stage.reader(), stage.reader(), stage.steerer()
+def test_who_keeps_former_memory_alone_is_disconnected(stage: Stage, says: list[Any]) -> None:
+    """[VPT-7, VPT-8]: after that the size can change again; who let go can take its time."""
+    reader, keeper, asker = stage.reader(), stage.reader(), stage.steerer()
     stage.now = 100.0
     asker.resize()
     reader.say(*says)
-    prompt.answer(2, 1)
+    stage.wait(LET_GO_SECONDS - 0.01)
+    assert keeper.connection.is_open
     stage.wait(10 * LET_GO_SECONDS)
     assert reader.connection.is_open
+    assert "VPT-8" in str(keeper.connection.ending)
+    keeper.leave()
     assert stage.exchange.replaced == []
     assert asker.resize(16, 12)["viewport_size"] == [16, 12]
     assert stage.memory.is_freed

@@ -237,6 +237,7 @@ def check_announces_no_other_memory_unasked(trial: ServerTrial, client: Connecti
     came = packets[had:]
     told = f"{len(came)} further init packets came of a request that was answered by an error"
     trial.expect(not (came and refused), "unwanted-init-packet", told)
+    trial.expect(not reader.ended, "closes", "the reader's connection was closed")
     first.close()
 
 

@@ -56,9 +56,9 @@ NOWHERE = Camera(rigid(*AT_ORIGIN), 1.0, 1.0, 0.0, 0.0, 1, 1, 0.01, 100.0)
 SETTLED_SECONDS, TIMES, MOST_SECONDS = 0.1, 3.0, 1.5
 """An image is taken for the one of a pose that has not changed for so long, and for so many times
 as long as it took to change, up to so long."""
-LOOKS = 2
-"""At another pose, and at this one again: the first time, what shows may be this one's image, late,
-and no other comes of it then.
+LOOKS = 3
+"""At a pose, and at another beside it: what shows the first time beside it may be the image of this
+one, late, and no other comes of this one then.
 """
 RESTLESS = 20
 """Images that change so often after a pose change by themselves."""
@@ -207,16 +207,14 @@ class DeviceGallery:
         comes before may have been begun when not all had arrived.
         """
         said = spelled or _said(stage)
-        came, shown = self._comes(said, right), False
+        shown = False
         for _ in range(LOOKS):
-            if came is None:
-                shown = self._comes(_said(HardView(BESIDE, AT_REST))) is not None
-                came = self._comes(said, right)
-        if came is None:
-            what = f"no image in CUDA memory came of the camera at {stage.camera}"
-            self.trial.expect(not shown, "no-image", what)
-            self.trial.not_observable(what)
-        return came
+            if came := self._comes(said, right):
+                return came
+            shown = self._comes(_said(HardView(BESIDE, AT_REST))) is not None
+        what = f"no image in CUDA memory came of the camera at {stage.camera}"
+        self.trial.expect(not shown, "no-image", what)
+        return self.trial.not_observable(what)
 
     def _comes(
         self, said: Sequence[Json], right: Callable[[CapturedFrame], Any] | None = None

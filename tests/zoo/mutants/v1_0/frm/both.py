@@ -107,7 +107,7 @@ def each_byte_gives_a_packet_more_time(patch):
 )
 def times_no_packet_behind_another(original, self, now):
     """Waits for ever for the rest of a packet that began behind a whole one."""
-    payload: bytes | None = original(self, now)
+    payload = original(self, now)
     if payload is not None:
         self.deadline = now + NEVER
     return payload

@@ -8,7 +8,6 @@ from splatbus_wire.messages import (
     ErrorMessage,
     GetViewportSize,
     OpenFailed,
-    Release,
     Subscribe,
     encode,
 )
@@ -277,24 +276,7 @@ def ids_as_strings(patch):
     messages(patch, lambda message: message | {"id": "a"} if "id" in message else message)
 
 
-@mutant("NEG-5", code="not-granted", through="CHN-10")
-def releases_without_the_capability(patch):
-    """Declares no `frames`, and releases a frame each time it has opened memory."""
-    client.CAPABILITIES_ON_IPC.replace(patch, ("host_shm", "reinit"))
-
-    def opened(original, self, packet):
-        original(self, packet)
-        self.unsent += encode(Release(packet.generation, 1))
-
-    client.SAYS_OPENED.wrap(patch, opened)
-
-
-@mutant(
-    "NEG-5",
-    check="check_sends_only_what_was_granted",
-    code="not-granted",
-    at=client.TAKES_WELCOME_ON_IPC,
-)
+@mutant("NEG-5", code="not-granted", through="NEG-5", at=client.TAKES_WELCOME_ON_IPC)
 def takes_frames_that_were_not_agreed(original, self, welcome):
     """Takes frames whether `welcome` lists `frames` or not."""
     yield from original(self, welcome)

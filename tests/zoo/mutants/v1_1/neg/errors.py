@@ -207,18 +207,11 @@ def server_forgives_broken_hellos(original, self, reason, now):
         original(self, reason, now)
 
 
-@mutant(
-    "NEG-23",
-    check="check_errors_about_no_request_name_none",
-    code="has-an-id",
-    at=server.REFUSES_PACKET,
-)
-def server_gives_back_what_poses_call_an_id(original, self, error, now):
+@mutant("NEG-23", check="check_errors_about_no_request_name_none", code="has-an-id")
+def server_takes_poses_for_requests(patch):
     """Gives an error about a camera's pose the `id` that stands in the pose."""
-    kind, id_ = type_and_id(error.received)
-    if kind == "camera_pose":
-        return self.complain(Refusal(error.code, str(error), error.pointer, id_))
-    return original(self, error, now)
+    requests = {*connections.REQUESTS_1_1, "camera_pose"}
+    Seam(connections, "REQUESTS_1_1").replace(patch, requests)
 
 
 @mutant(
